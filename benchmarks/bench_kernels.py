@@ -11,17 +11,17 @@ from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.meshes.sharp_edges import sharp_edge_vertices
-from bezier_filters.meshes.spatial_order import in_spatial_order
+from bezier_filters.meshes.spatial_order import sort_spatially
 from speed import noisy, subdivided_bunny
 
 VERTICES, FACES = subdivided_bunny(1)
-MESH = in_spatial_order(triangle_mesh(VERTICES, FACES)).mesh
+MESH = sort_spatially(triangle_mesh(VERTICES, FACES)).mesh
 ADJACENCY = vertex_adjacency(MESH)
 PLANES = tangent_planes(MESH, ADJACENCY)
 SHUFFLED = np.random.default_rng(0).permutation(len(VERTICES))
 STAGES = {
-    "spatial order": lambda: in_spatial_order(triangle_mesh(VERTICES, FACES)),
-    "spatial order, shuffled": lambda: in_spatial_order(
+    "spatial order": lambda: sort_spatially(triangle_mesh(VERTICES, FACES)),
+    "spatial order, shuffled": lambda: sort_spatially(
         triangle_mesh(VERTICES[SHUFFLED], np.argsort(SHUFFLED)[FACES].astype(np.int32))
     ),
     "adjacency": lambda: vertex_adjacency(MESH),

@@ -1,9 +1,9 @@
 """Damages meshes at random and runs every function and filter on them: `make fuzz`.
 
 Every batch of mutations runs in a process of its own, so that a crash in compiled code, or in pymeshlab, is seen
-and counted; the batch goes on after it. What must hold is in tests/survival.py, the damage in
-tests/mesh_mutations.py; one mesh of twenty has rows that no mesh has, which must be refused. Failures are printed with
-their seed: `python benchmarks/fuzz.py --seed N` repeats one.
+and counted; the batch goes on after it. What must hold is in tests/helpers/invariants.py, the damage in
+tests/helpers/mesh_mutations.py; one mesh of twenty has rows that no mesh has, which must be refused. Failures are
+printed with their seed: `python benchmarks/fuzz.py --seed N` repeats one.
 """
 
 import argparse
@@ -18,7 +18,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
+sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "helpers"))
 
 BATCH = 500
 PATIENCE = 120.0
@@ -26,8 +26,8 @@ PATIENCE = 120.0
 
 
 def run_one(seed: int) -> None:
+    from invariants import CHECKS, check_refusal
     from mesh_mutations import mutated, spoil_rows
-    from survival import CHECKS, check_refusal
 
     if seed % 20 == 7:
         check_refusal(*spoil_rows(seed))

@@ -5,9 +5,9 @@ status 0 or 3 (with a remark) and a whole output with finite numbers, or with ex
 nothing written, an older output untouched. A reader of pymeshlab that ends its process is counted, and must have been
 reported in plain words.
 
-A quarter of the files are built with one damage, or oddly spelt (tests/misleading_files.py), so that it is known what
-is in them: rows without finite coordinates or numbers, corners that are no vertices, counts of more or less than there
-is, ends that are missing. Of these status 0 means that every row is in the output, where it was.
+A quarter of the files are built with one damage, or oddly spelt (tests/helpers/misleading_files.py), so that their
+contents are known: rows without finite coordinates or numbers, corners that are no vertices, wrong counts, missing
+ends. Of these status 0 means that every row is in the output, in its place.
 `python benchmarks/fuzz_files.py --seed N` repeats one.
 """
 
@@ -21,7 +21,7 @@ import traceback
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
+sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "helpers"))
 
 PATIENCE = 120
 """Seconds of processor time for one file."""

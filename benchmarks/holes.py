@@ -23,7 +23,7 @@ import bezier_filters as bf
 from bezier_filters import surfaces
 from bezier_filters.holes.loops import diameter
 from bezier_filters.meshes.self_intersections import cut_faces
-from bezier_filters.meshlab.meshset import shipped_bunny
+from bezier_filters.meshlab.meshset import bunny_path
 from cut_holes import Case, compact, cut, normals, surface_points
 from hole_peers import Filler, fillers
 
@@ -57,7 +57,7 @@ def own_cases() -> Iterator[Case]:
     for name, place in (("edge", (-0.5, -0.5, 0.0)), ("corner", (-0.5, -0.5, -0.5)), ("valley", (0.0, 0.0, 0.3))):
         yield cut(f"block, {name}", vertices, faces, np.array(place), 0.15)
     meshset = pymeshlab.MeshSet()
-    meshset.load_new_mesh(str(shipped_bunny()))
+    meshset.load_new_mesh(str(bunny_path()))
     mesh = meshset.current_mesh()
     vertices, faces = mesh.vertex_matrix(), mesh.face_matrix().astype(np.int32)
     size = np.linalg.norm(np.ptp(vertices, axis=0))

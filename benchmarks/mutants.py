@@ -71,7 +71,7 @@ OPERATORS = (
 )
 SPEED = re.compile(
     r"^(CAPACITY_RATIO|MIN_KERNEL_CAPACITY|POWER_CHUNK|CHUNK|UNROLL_FACTOR|SAMPLES|PROBE_COUNT|PLACES|FIRST = 8|POINTS"
-    r"|MAX_PAIRWISE_POINTS|MAX_EXACT_LOOP|FEW =|MAX_DENSE_VERTICES|FEW_FACES|MIN_FACE_LIMIT|PER_CELL|MOST_BITS"
+    r"|MAX_PAIRWISE_POINTS|MAX_EXACT_LOOP|MAX_RANKED_FACES|MAX_DENSE_VERTICES|MAX_PAIRWISE_FACES|MIN_FACE_LIMIT|VERTICES_PER_CELL|MOST_BITS"
     r"|NO_VERTEX)|threads|chunk"
 )
 """Lines that say how fast or at what effort something is computed, not what."""
@@ -218,7 +218,7 @@ def importers(tree: Path) -> dict[Path, set[Path]]:
                 parts = node.module.split(".")
                 for target in (
                     tree.joinpath(*parts).with_suffix(".py"),
-                    *(tree / f / f"{parts[-1]}.py" for f in ("tests", "benchmarks")),
+                    *(tree / f / f"{parts[-1]}.py" for f in ("tests/helpers", "benchmarks")),
                 ):
                     taken = {alias.name for alias in node.names}
                     if taken & offered.get(target, set()) or {a.asname or a.name for a in node.names} & early:

@@ -54,7 +54,7 @@ OLD, NEW = (0.75, 0.75, 0.75), (1.0, 0.6, 0.2)
 RED, BLUE, BACK = (0.85, 0.1, 0.1), (0.1, 0.25, 0.8), (0.45, 0.6, 0.75)
 NO_MODELS = "Other models stand in for its fandisk, dragon and Stanford bunny; make paper MODELS=folder takes these."
 FORMATS = (".obj", ".off", ".ply", ".stl")
-MOST_FACES = 100_000
+MAX_PAGE_FACES = 100_000
 """Faces of a model, beyond which it is simplified to so many: twice as many take twice the time of Figure 8."""
 
 
@@ -93,9 +93,9 @@ class Where(NamedTuple):
         meshset = pymeshlab.MeshSet()
         meshset.load_new_mesh(str(path))
         count = meshset.current_mesh().face_number()
-        if count > MOST_FACES:
-            meshset.meshing_decimation_quadric_edge_collapse(targetfacenum=MOST_FACES)
-            name += f", {MOST_FACES:,} of {count:,} faces"
+        if count > MAX_PAGE_FACES:
+            meshset.meshing_decimation_quadric_edge_collapse(targetfacenum=MAX_PAGE_FACES)
+            name += f", {MAX_PAGE_FACES:,} of {count:,} faces"
         mesh = meshset.current_mesh()
         return Model(name, mesh.vertex_matrix(), mesh.face_matrix().astype(np.int32))
 

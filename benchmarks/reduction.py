@@ -24,7 +24,7 @@ import pymeshlab
 
 import bezier_filters as bf
 from bezier_filters.meshes.frames import tangent_planes
-from bezier_filters.meshlab.meshset import shipped_bunny
+from bezier_filters.meshlab.meshset import bunny_path
 from peers import (
     Estimate,
     Method,
@@ -171,7 +171,7 @@ def plot(rows: list[tuple], path: Path) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("mesh", type=Path, nargs="?", default=shipped_bunny(), help="by default pymeshlab's bunny")
+    parser.add_argument("mesh", type=Path, nargs="?", default=bunny_path(), help="by default pymeshlab's bunny")
     parser.add_argument("--deleted", type=int, nargs="+", default=list(DELETED), help="percentages")
     parser.add_argument("--noise", type=float, default=0.05, help="standard deviation in mean edges of the full mesh")
     parser.add_argument("--seed", type=int, default=0, help="of the deletions and of the noise")

@@ -12,7 +12,7 @@ import pymeshlab
 
 import bezier_filters as bf
 from bezier_filters.meshes.half_edges import border_edges
-from bezier_filters.meshlab.topology import forget_topology, topology_of
+from bezier_filters.meshlab.topology import clear_topology_cache, topology_of
 from bezier_filters.surfaces import torus
 
 FILTERS = (
@@ -57,7 +57,7 @@ def main() -> None:
         border_edges(mesh, bf.vertex_adjacency(mesh).on_boundary)
 
     def ask() -> None:
-        forget_topology()
+        clear_topology_cache()
         topology_of(vertices, faces)
 
     asked = seconds(ask, arguments.runs)
@@ -70,7 +70,7 @@ def main() -> None:
         first, later = [scratch() for _ in range(arguments.runs)], [scratch() for _ in range(arguments.runs)]
 
         def asking(function: Callable[..., object] = function, first: list[pymeshlab.MeshSet] = first) -> None:
-            forget_topology()
+            clear_topology_cache()
             function(first.pop())
 
         def knowing(function: Callable[..., object] = function, later: list[pymeshlab.MeshSet] = later) -> None:

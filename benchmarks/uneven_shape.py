@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bezier_filters.meshlab.meshset import shipped_bunny
+from bezier_filters.meshlab.meshset import bunny_path
 from bezier_filters.surfaces import SampledSurface
 from limit_surface import limit_surface
 from peers import (
@@ -65,7 +65,7 @@ def errors(surface: SampledSurface, regular: np.ndarray, estimate: Estimate) -> 
 
 def shape(share: int, subdivisions: int, seed: int) -> tuple[SampledSurface, np.ndarray, np.ndarray]:
     """The limit surface of the bunny on a percentage of its vertices, which ones are regular, and noise of one edge."""
-    vertices, faces = model(shipped_bunny())
+    vertices, faces = model(bunny_path())
     random = np.random.default_rng([seed, share])
     survivors = random.permutation(len(vertices)) < share / 100 * len(vertices)
     kept, control = keep_survivors(vertices, faces, survivors)

@@ -1,7 +1,7 @@
-"""Arguments of public functions, checked by the annotations of their parameters before anything is done with them.
+"""Checks of the arguments of public functions against the annotations of their parameters.
 
-What is wrong in kind is refused here: a list in the place of a number, a text in that of a truth value, a dict in that
-of a result. Which numbers and words are allowed, the functions say themselves.
+Arguments of a wrong type are refused here: a list for a number, a text for a truth value, a dict for a result. Which
+numbers and words are allowed is checked by the functions.
 """
 
 import inspect
@@ -20,7 +20,7 @@ from bezier_filters.errors import InvalidParameterError
 Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")
 
-_LONGEST = 60  # characters of a value that is shown
+_MAX_REPR_LENGTH = 60  # characters of a value in a message
 _WORDS: dict[object, str] = {
     bool: "True or False",
     int: "an integer",
@@ -28,12 +28,12 @@ _WORDS: dict[object, str] = {
     str: "a text",
     NoneType: "None",
 }
-_NUMBERS = {int, float, NoneType}  # where there is nothing else, functions say which numbers they take
-_CLASSES = (os.PathLike, Mapping)  # the generic ones that are checked
+_NUMBERS = {int, float, NoneType}  # parameters of these types alone are checked by the functions
+_CLASSES = (os.PathLike, Mapping)  # abstract classes that are checked
 
 
 def checks_arguments(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
-    """Refuse arguments of a function that are of another kind than its annotations say, and make floats of numbers.
+    """Refuse arguments of a function that do not match its annotations, and convert numbers to float.
 
     >>> @checks_arguments
     ... def scaled(value: float, *, twice: bool = False) -> float:
@@ -52,23 +52,23 @@ def checks_arguments(function: Callable[Parameters, Result]) -> Callable[Paramet
     kinds = {name: kind for name, kind in kinds.items() if all(map(_is_known, kind))}
 
     @wraps(function)
-    def checked(*args: Parameters.args, **options: Parameters.kwargs) -> Result:
+    def wrapper(*args: Parameters.args, **options: Parameters.kwargs) -> Result:
         try:
             bound = signature.bind(*args, **options)
-        except TypeError:  # a name that is unknown, or missing: Python says which
+        except TypeError:  # an unknown or missing name, which Python reports
             return function(*args, **options)
         for name in kinds.keys() & bound.arguments.keys():
-            bound.arguments[name] = checked_value(name, bound.arguments[name], kinds[name])
+            bound.arguments[name] = check_value(name, bound.arguments[name], kinds[name])
         return function(*bound.args, **bound.kwargs)
 
-    return checked
+    return wrapper
 
 
-def checked_value(name: str, value: Any, kinds: tuple[object, ...]) -> Any:
-    """A value of one of some kinds, a number as a float where no integer is asked for, or an InvalidParameterError."""
+def check_value(name: str, value: Any, kinds: tuple[object, ...]) -> Any:
+    """Return a value of one of the kinds, as float unless integers are allowed; InvalidParameterError otherwise."""
     if not (set(kinds) <= _NUMBERS or any(_is_of(value, kind) for kind in kinds)):
-        expected = list(dict.fromkeys(_in_words(kind) for kind in kinds))
-        raise InvalidParameterError(f"{name}: got {in_short(value)}, expected {' or '.join(expected)}")
+        expected = list(dict.fromkeys(_describe_kind(kind) for kind in kinds))
+        raise InvalidParameterError(f"{name}: got {brief_repr(value)}, expected {' or '.join(expected)}")
     if float in kinds and int not in kinds and isinstance(value, Real) and not isinstance(value, bool | np.bool_):
         try:
             return float(value)
@@ -78,20 +78,20 @@ def checked_value(name: str, value: Any, kinds: tuple[object, ...]) -> Any:
 
 
 def path_of(path: object, name: str = "path") -> str | os.PathLike[str]:
-    """A path, or an InvalidParameterError."""
-    checked: str | os.PathLike[str] = checked_value(name, path, (str, os.PathLike))
+    """Return a path; InvalidParameterError if it is none."""
+    checked: str | os.PathLike[str] = check_value(name, path, (str, os.PathLike))
     return checked
 
 
-def in_short(value: object) -> str:
-    """A value as Python writes it if that is short, else what it is."""
-    if isinstance(value, str | bytes | Real | complex | NoneType) and len(repr(value)) <= _LONGEST:
+def brief_repr(value: object) -> str:
+    """Python's repr of a value if it is short, else the name of its type."""
+    if isinstance(value, str | bytes | Real | complex | NoneType) and len(repr(value)) <= _MAX_REPR_LENGTH:
         return repr(value)
     return type(value).__name__
 
 
 def real_array(values: Any) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """Real numbers as a contiguous array of floats; a ValueError that says why they are none."""
+    """Real numbers as a contiguous array of floats; ValueError with the reason otherwise."""
     array = np.asarray(values)
     if np.ma.is_masked(values):
         raise ValueError("some are masked; leave these rows out")
@@ -119,7 +119,7 @@ def _is_literal(annotation: object) -> bool:
 
 
 def _is_known(kind: object) -> bool:
-    """Whether it is known what belongs to a kind."""
+    """Whether values can be checked against a kind."""
     return _is_literal(kind) or kind in _WORDS or kind in _CLASSES or _is_ours(kind)
 
 
@@ -138,7 +138,7 @@ def _is_of(value: object, kind: object) -> bool:
     return isinstance(value, kind) if isinstance(kind, type) else False
 
 
-def _in_words(kind: Any) -> str:
+def _describe_kind(kind: Any) -> str:
     if _is_literal(kind):
         return " or ".join(map(repr, get_args(kind)))
     if kind in _WORDS:

@@ -1,4 +1,4 @@
-"""Names for the types of arrays, and of reports; the distinct rows of an array."""
+"""Type aliases for arrays and reports; distinct rows of an array."""
 
 from typing import Any, TypeAlias, TypeVar, cast
 
@@ -11,16 +11,15 @@ RealArray: TypeAlias = NDArray[np.float64] | NDArray[np.float32]
 IntArray: TypeAlias = NDArray[np.int32]
 ByteArray: TypeAlias = NDArray[np.int8]
 BoolArray: TypeAlias = NDArray[np.bool_]
-Report: TypeAlias = dict[str, Any]  # what a filter tells, by name: plain values that can be written as JSON
+Report: TypeAlias = dict[str, Any]  # report of a filter: plain values that can be written as JSON
 
 Rows = TypeVar("Rows", bound=NDArray[Any])
 
 
 def unique_rows(rows: Rows) -> tuple[Rows, NDArray[np.intp]]:
-    """Distinct rows of an array (n, k) in lexicographic order, and the place of each row among them, (n,).
+    """Distinct rows of an array (n, k) in lexicographic order, and the index of each row among them, (n,).
 
-    `np.unique` with an axis compares records, for which NumPy runs code in Python: an interrupt that arrives there
-    becomes a TypeError.
+    `np.unique` with an axis compares records in Python code of NumPy, where an interrupt becomes a TypeError.
 
     >>> distinct, place = unique_rows(np.array([[2, 1], [1, 3], [2, 1]]))
     >>> distinct.tolist(), place.tolist()

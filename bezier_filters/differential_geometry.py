@@ -6,17 +6,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bezier_filters.arguments import in_short, real_array
+from bezier_filters.arguments import brief_repr, real_array
 from bezier_filters.arrays import BoolArray, FloatArray
 from bezier_filters.errors import InvalidParameterError
 
-SQUARE_ON = 1e-12
-"""Sine of the angle between a normal and a direction up to which the direction has no tangential part: where it does
-not exist, rounding leaves 1e-16 to 1e-14. Half or twice of it changes slopes of 1e-12 radians alone."""
+MIN_TANGENTIAL_SINE = 1e-12
+"""Sine of the angle between a normal and a direction up to which the direction counts as normal, without a tangential
+part: rounding leaves 1e-16 to 1e-14. Halving or doubling it changes only slopes of 1e-12 radians."""
 
 
 class DerivedCurvatures:
-    """What follows from principal curvatures, for classes that have them."""
+    """Mean and Gaussian curvature and torsion, for classes with principal curvatures."""
 
     k_min: FloatArray
     k_max: FloatArray
@@ -42,8 +42,8 @@ def principal_curvatures_of(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """The smaller and the larger principal curvature, each (n,), and their unit directions, each (n, 3).
 
-    They are those of symmetric shape operators, (n,) each entry, in orthonormal bases e1, e2, each (n, 3), whose third
-    vector is the normal. The smaller one's direction is the normal x that of the larger; signs are arbitrary.
+    The entries (n,) belong to symmetric shape operators in orthonormal bases e1, e2, each (n, 3), whose third vector is
+    the normal. The direction of the smaller curvature is normal x the other direction; signs are arbitrary.
     """
     mean, difference = 0.5 * (s11 + s22), 0.5 * (s11 - s22)
     torsion = np.hypot(difference, s12)
@@ -53,7 +53,7 @@ def principal_curvatures_of(
 
 
 class TangentAngles(NamedTuple):
-    """Where the tangential parts of directions point, each (n,)."""
+    """Angles of the tangential parts of directions, each (n,)."""
 
     cosine: FloatArray  # of the angle from direction_max, counter-clockwise about the normal; 0 where there is none
     sine: FloatArray
@@ -64,19 +64,19 @@ class TangentAngles(NamedTuple):
 def tangent_angles(directions: ArrayLike, direction_max: FloatArray, direction_min: FloatArray) -> TangentAngles:
     """Angles of the tangential parts of directions, (3,) or (n, 3), in the bases of principal directions, each (n, 3).
 
-    Directions may have any length; those of length 0 have no tangential part. What is not finite or has another shape
-    raises an InvalidParameterError.
+    Directions may have any length; zero vectors have no tangential part. Other shapes and values that are not finite
+    raise an InvalidParameterError.
     """
     unit = unit_directions(directions, len(direction_max))
     cosine, sine = (np.asarray(np.einsum("ij,ij->i", axes, unit)) for axes in (direction_max, direction_min))
     length = np.hypot(cosine, sine)
-    exist = length > SQUARE_ON
+    exist = length > MIN_TANGENTIAL_SINE
     scale = np.divide(1.0, length, out=np.zeros_like(length), where=exist)
     return TangentAngles(cosine * scale, sine * scale, length, exist)
 
 
 def unit_directions(directions: ArrayLike, n: int) -> FloatArray:
-    """Directions (3,) or (n, 3) of any length as unit vectors (n, 3); those of length 0 stay."""
+    """Directions (3,) or (n, 3) of any length as unit vectors (n, 3); zero vectors stay zero."""
     expected = f"expected finite numbers of the shape (3,) or ({n}, 3)"
     try:
         array = real_array(directions)
@@ -85,8 +85,8 @@ def unit_directions(directions: ArrayLike, n: int) -> FloatArray:
     if array.shape not in ((3,), (n, 3)):
         raise InvalidParameterError(f"directions: got the shape {array.shape}, {expected}")
     if not np.isfinite(array).all():
-        raise InvalidParameterError(f"directions: got {in_short(float(array[~np.isfinite(array)][0]))}, {expected}")
-    largest = np.abs(array).max(axis=-1, keepdims=True)  # against squares that overflow, or underflow
+        raise InvalidParameterError(f"directions: got {brief_repr(float(array[~np.isfinite(array)][0]))}, {expected}")
+    largest = np.abs(array).max(axis=-1, keepdims=True)  # avoids overflow and underflow of squares
     scaled = np.divide(array, largest, out=np.zeros_like(array), where=largest > 0.0)
     unit = scaled / np.maximum(np.linalg.norm(scaled, axis=-1, keepdims=True), 1.0)  # lengths are 0, or 1 and more
     return np.broadcast_to(unit, (n, 3))

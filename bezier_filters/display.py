@@ -1,6 +1,6 @@
-"""How values are shown: the range that a colour map spans, and the maps; tables for notebooks, and the noise in words.
+"""Display of values: ranges of colours, colour maps, tables for notebooks, and the noise in words.
 
-It is imported for the help of the command line: NumPy only where there are arrays.
+The help of the command line imports it, so NumPy is imported only where there are arrays.
 """
 
 import math
@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 ColorScale: TypeAlias = Literal["linear", "symlog"]
 AUTO = "auto"  # stands for `default_colormap`
 
-_RESOLUTION = 1e-6  # relative; pymeshlab keeps the ends of the range in single precision
-_TINY = 1e-290  # taken for 0, so that steps between the ends do not underflow
-SMALLEST = 1e-4  # times the mean edge: what is less cannot be told from the shape
+_RESOLUTION = 1e-6  # relative difference of the ends of a range; pymeshlab keeps them in single precision
+_TINY = 1e-290  # values that count as 0, so that steps between the ends do not underflow
+MIN_NOISE_EDGES = 1e-4  # mean edges; weaker noise cannot be distinguished from the shape
 
 
 def color_range(
@@ -82,7 +82,7 @@ def round_limits(low: float, high: float) -> tuple[float, float]:
 # colours (red, green, blue), each channel in 0..1, from the lowest value to the highest, evenly spaced and linear in
 # between, by what users type in any case
 PALETTES = {
-    # blue below zero, light grey at zero, red above: told apart with any kind of colour vision, and in every shadow
+    # blue below zero, light grey at zero, red above: distinct with any kind of colour vision, and in every shadow
     "Cool Warm": ((0.23, 0.30, 0.75), (0.90, 0.90, 0.90), (0.75, 0.02, 0.15)),
     # of Li, Barsky, Jin (2009), neither for red-green colour blindness. Of the torsion (Figure 6): red is high, blue
     # medium, green low; of the curvatures (Figure 5): red is high, green medium, blue low.
@@ -94,7 +94,7 @@ PALETTES = {
 def default_colormap(*, signed: bool) -> str:
     """Colour map for a field: Cool Warm if zero is the middle of its range, else Viridis.
 
-    Both are told apart with any kind of colour vision.
+    Both are distinct with any kind of colour vision.
 
     >>> default_colormap(signed=True)
     'Cool Warm'
@@ -143,20 +143,20 @@ def _text(cell: object) -> str:
 
 
 def noise_level(sigma: float | None, edge: float | None = None) -> str:
-    """How strong noise is, by its standard deviation: in edges if their mean length is known, or else as a length.
+    """Standard deviation of noise in words: in mean edges if their length is known, else as a length.
 
     >>> noise_level(0.02, 0.1), noise_level(0.02), noise_level(1e-9, 0.1), noise_level(None)
     ('0.2 edges', '0.02 (length)', 'too small to be learned', 'unknown')
     """
     if sigma is None:
         return "unknown"
-    return "too small to be learned" if sigma <= SMALLEST * (edge or 0.0) else _measured(sigma, edge)
+    return "too small to be learned" if sigma <= MIN_NOISE_EDGES * (edge or 0.0) else _format_length(sigma, edge)
 
 
 def noise_in_words(
     sigma: float | None, length: float | None, heavy: bool, edge: float | None = None, *, reason: str = ""
 ) -> str:
-    """What is known of the noise: its standard deviation, how far it is correlated, and whether it is heavy.
+    """The noise in words: standard deviation, correlation length, and whether it is heavy.
 
     The length is None if the noise is unknown, for a reason, and 0 if it is independent from vertex to vertex.
 
@@ -170,11 +170,11 @@ def noise_in_words(
     level = noise_level(sigma, edge)
     if sigma is None:
         return ": ".join(filter(None, [f"noise {level}", reason]))
-    if level != _measured(sigma, edge):
+    if level != _format_length(sigma, edge):
         return f"noise {level}"
-    correlated = f"correlated over {_measured(length, edge)}" if length else "independent from vertex to vertex"
+    correlated = f"correlated over {_format_length(length, edge)}" if length else "independent from vertex to vertex"
     return f"noise {level}{' in all directions' * heavy}, {correlated}"
 
 
-def _measured(length: float, edge: float | None) -> str:
+def _format_length(length: float, edge: float | None) -> str:
     return f"{length / edge:.2g} edges" if edge else f"{length:.3g} (length)"

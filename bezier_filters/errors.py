@@ -25,11 +25,11 @@ class InvalidScriptError(ValueError):
 
 
 class MeshFileWarning(UserWarning):
-    """Part of a mesh file is not in the mesh that was read."""
+    """Part of a mesh file was not read."""
 
 
 class MeshFileNote(UserWarning):
-    """Rows of a mesh file were left out that hold nothing, or that were to be skipped."""
+    """Rows of a mesh file were omitted, because they hold nothing or were to be skipped."""
 
 
 def is_real(value: object) -> TypeGuard[float]:

@@ -1,4 +1,4 @@
-"""The fields of vertices: one table, from which filters, commands, tiles, pictures and documents take them."""
+"""The fields of vertices: one table for filters, commands, tiles, pictures and documents."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,26 +8,26 @@ if TYPE_CHECKING:
     from bezier_filters.arrays import FloatArray
 
 PREFIX = "bz_"
-QUALITY = "quality"  # the column of a mesh's quality
-GRADE = PREFIX + "fit_grade"  # the column that says which values are estimates: see `FitStatus`
+QUALITY = "quality"  # column of the quality of a mesh
+GRADE = PREFIX + "fit_grade"  # column of the grades of fits: see `FitStatus`
 # the filters that write fields, by their commands
 NORMALS, CURVATURE, TORSION, SMOOTH, CREASES = "normals", "curvature", "torsion", "smooth", "creases"
-ESTIMATES = (NORMALS, CURVATURE, TORSION)  # those whose fields are values of a `VertexGeometry`
+ESTIMATES = (NORMALS, CURVATURE, TORSION)  # filters whose fields are values of a `VertexGeometry`
 
 
 @dataclass(frozen=True)
 class Field:
-    """A number that is known of each vertex."""
+    """A number per vertex."""
 
     name: str  # with the prefix ``bz_`` the name of the attribute on a mesh and of the column in files
     label: str  # for legends and documents, for example ``"mean curvature"``,
     unit: str  # and ``"1/length"``
-    filters: tuple[str, ...]  # those that write it
+    filters: tuple[str, ...]  # the filters that write it
     signed: bool = False  # whether zero is the middle of its natural range, and so of the colours
-    quality: str = ""  # what users type to make it the quality of a mesh; empty where they cannot
-    attribute: str | None = ""  # of the result, if it has another name there; None if the filter works the values out
-    component: int | None = None  # of the vectors that the result holds
-    remark: str = ""  # what else documents say of it
+    quality: str = ""  # word by which users make it the quality of a mesh; empty where they cannot
+    attribute: str | None = ""  # attribute of the result, if named differently; None if the filter computes the values
+    component: int | None = None  # component of the vectors in the result
+    remark: str = ""  # additional text in documents
 
     @property
     def column(self) -> str:
@@ -60,7 +60,7 @@ def _vector(
     ]
 
 
-def _along(curvature: str) -> str:
+def _derivative_remark(curvature: str) -> str:
     return f"derivative of {curvature} along its direction, with whose sign it changes"
 
 
@@ -81,8 +81,22 @@ FIELDS = (
     Field("gaussian_curvature_std", f"{_ERROR} Gaussian curvature", "1/length²", (CURVATURE,), remark=_LEARNED),
     *_vector("direction_min", "direction of k_min", (CURVATURE,), remark=_ANY_SIGN),
     *_vector("direction_max", "direction of k_max", (CURVATURE,), remark=_ANY_SIGN),
-    Field("extremality_min", "extremality of k_min", "1/length²", (CURVATURE,), signed=True, remark=_along("k_min")),
-    Field("extremality_max", "extremality of k_max", "1/length²", (CURVATURE,), signed=True, remark=_along("k_max")),
+    Field(
+        "extremality_min",
+        "extremality of k_min",
+        "1/length²",
+        (CURVATURE,),
+        signed=True,
+        remark=_derivative_remark("k_min"),
+    ),
+    Field(
+        "extremality_max",
+        "extremality of k_max",
+        "1/length²",
+        (CURVATURE,),
+        signed=True,
+        remark=_derivative_remark("k_max"),
+    ),
     Field(
         "curvature_along",
         "normal curvature along the direction",
@@ -142,12 +156,12 @@ def fields_of(*filters: str) -> list[Field]:
 
 
 def qualities(*filters: str) -> dict[str, Field]:
-    """Fields of some filters that can be the quality of a mesh, by what users type."""
+    """Fields of some filters that can be the quality of a mesh, by the words that users type."""
     return {field.quality: field for field in fields_of(*filters) if field.quality}
 
 
-def stored_qualities(*filters: str) -> dict[str, Field]:
-    """Those of the qualities that a result holds."""
+def result_qualities(*filters: str) -> dict[str, Field]:
+    """Qualities that are stored in results, by the words that users type."""
     return {word: field for word, field in qualities(*filters).items() if field.attribute is not None}
 
 
@@ -157,7 +171,7 @@ def columns(name: str, result: object) -> dict[str, "FloatArray"]:
 
 
 def values_of(fields: Sequence[Field], result: object) -> dict[str, "FloatArray"]:
-    """Columns of some fields that a result holds, each (n,)."""
+    """Columns of fields stored in a result, each (n,)."""
     arrays = {source: getattr(result, source).astype(float, copy=False) for source in {f.source for f in fields}}
     return {f.column: arrays[f.source] if f.component is None else arrays[f.source][:, f.component] for f in fields}
 

@@ -1,7 +1,7 @@
-"""The parameters of the filters: one table, from which their documents and the command line take them.
+"""The parameters of the filters: one table for their documents and the command line.
 
-Signatures are written out, so that editors and type checkers know them; a test compares them with the table. What
-docstrings of several filters have in common stands here, too, and is put into them when a filter is defined.
+Signatures are written out for editors and type checkers; a test compares them with the table. Text that docstrings of
+several filters share is here, too, and is inserted when a filter is defined.
 """
 
 import ast
@@ -23,7 +23,7 @@ from bezier_filters.fields import (
     Field,
     fields_of,
     qualities,
-    stored_qualities,
+    result_qualities,
 )
 
 
@@ -34,8 +34,8 @@ class Parameter:
     name: str
     kind: str
     default: object
-    help: str  # what it means, for documents and the command line
-    more: str = ""  # what only documents say
+    help: str  # meaning, for documents and the command line
+    more: str = ""  # additional text in documents
 
     def entry(self) -> str:
         """Its entry in a docstring."""
@@ -45,7 +45,7 @@ class Parameter:
 
 
 def parameters(table: str) -> tuple[Parameter, ...]:
-    """Parameters of a table that is written like a docstring; after the first line of a text, only documents go on.
+    """Parameters of a table that is written like a docstring; the first line of a text is the help.
 
     >>> parameters('''
     ... iterations : int, default 1
@@ -63,12 +63,12 @@ def parameters(table: str) -> tuple[Parameter, ...]:
     return tuple(found)
 
 
-LENGTH = 'float, text such as "2%", pymeshlab.PercentageValue or pymeshlab.PureValue'  # kind of lengths
+LENGTH_TYPE = 'float, text such as "2%", pymeshlab.PercentageValue or pymeshlab.PureValue'  # kind of lengths
 FIT = parameters(f"""
 rings : int or "auto", default "auto"
     Size of the fitted neighbourhood in edges, at least 1; auto lets the data choose.
-    By default they choose this, `alpha` and `degree`, for the smallest predicted error at the noise that they have.
-radius : {LENGTH}, optional
+    By default rings, `alpha` and `degree` minimise the error that is predicted from the noise of the data.
+radius : {LENGTH_TYPE}, optional
     Size of the neighbourhood as a length, or as a percentage of the diagonal of the bounding box, instead of rings.
     It is one scale for all vertices, whatever the density of the mesh.
 alpha : float or "auto", default "auto"
@@ -76,17 +76,17 @@ alpha : float or "auto", default "auto"
 degree : int or "auto", default "auto"
     Degree of the patch in each parameter, 2 to 4; or, if alpha is auto, its total degree, 2 to 6.
 smoothness : {{"third_order", "paper"}}, default "third_order"
-    What alpha weighs the points against: third_order (consistent) or paper (the method to the letter).
+    Smoothness measure that alpha weighs the points against: third_order (consistent) or paper (the original method).
     The curvature of ``"paper"``, that of Li, Barsky, Jin (2009), is biased; see `estimate_vertex_geometry`.
 robust : bool, optional
-    Take weight from points far off their patch, for scans with outliers.
-    By default, where the data show outliers, if rings, alpha or the degree follow from them.
-noise : {LENGTH}, optional
+    Reduce the weight of points far from their patch, for scans with outliers.
+    By default it is used where the data show outliers, if rings, alpha or the degree follow from the data.
+noise : {LENGTH_TYPE}, optional
     Standard deviation of the noise, a length or a percentage of the diagonal of the bounding box; learned if left out.
-    It is that along the normal; the choice and the standard errors follow from it. How far it is correlated is learned
-    all the same. Not where both the neighbourhood and alpha are given.
-detail : {LENGTH}, optional
-    Size of the smallest detail to keep: no wider neighbourhoods than this are chosen. A length or a percentage.
+    It is measured along the normal; the choice and the standard errors follow from it. The correlation length is
+    learned in any case. Not where both the neighbourhood and alpha are given.
+detail : {LENGTH_TYPE}, optional
+    Size of the smallest detail to keep: no neighbourhood wider than this is chosen. A length or a percentage.
     The percentage is one of the diagonal of the bounding box. The narrowest ring may always be chosen.
 """)
 DIRECTION = parameters("""
@@ -99,7 +99,7 @@ direction : (float, float, float), optional
 COLORS = parameters("""
 color : bool, default False
     Colour all vertices by the quality.
-    There must be one. Where it has both signs by nature, zero gets the middle colour.
+    There must be one. For signed quantities, zero gets the middle colour.
 colormap : str, default "auto"
     auto (Cool Warm where zero is in the middle, else Viridis), Paper, or a map of pymeshlab: Turbo, French RGB, ...
     Paper is red for high, blue for medium and green for low, as the paper's torsion; Paper Curvature is red for high,
@@ -108,12 +108,12 @@ colormap : str, default "auto"
 percentile : float, default 2.0
     Percentage of the values that may lie beyond each end of the colours, in [0, 50).
 colorrange : (float, float), optional
-    Qualities of the first and the last colour, instead of those that follow from the percentile.
+    Qualities of the first and the last colour, instead of the percentile.
 """)
 REPAIR = parameters("""
 repair : bool, default False
-    Weld borders that lie on each other, split non-manifold edges and vertices, and turn faces that disagree first.
-    Closed bodies that are inside out are turned, too, if all are. It changes vertices and faces of the mesh, as
+    Weld coincident borders, split non-manifold edges and vertices, and reorient flipped faces first.
+    Closed bodies that are inside out are reoriented, too, if all are. It changes vertices and faces of the mesh, as
     pymeshlab's own filters do; where edges or vertices are split, selections are lost and custom attributes set to 0.
 """)
 RUN = parameters("""
@@ -125,25 +125,25 @@ progress : callable, optional
 """)
 SMOOTHING = parameters(f"""
 method : {{"auto", "paper"}}, default "auto"
-    auto (learns what to do from the mesh) or paper.
+    auto (learned from the mesh) or paper.
     ``"paper"`` moves every vertex onto its patch, as Li, Barsky, Jin (2009) do; it loses volume and rounds edges.
 iterations : int, default 1
     How often to smooth; with auto once is enough.
-noise : {LENGTH}, optional
+noise : {LENGTH_TYPE}, optional
     Standard deviation of the noise, a length or a percentage of the diagonal of the bounding box; learned if left out.
-    It is that along the normal. Only for ``"auto"``.
+    It is measured along the normal. Only for ``"auto"``.
 borders : {{"curve", "fixed"}}, default "curve"
-    What becomes of border vertices: curve (smoothed along the border) or fixed (they stay).
+    Treatment of border vertices: curve (smoothed along the border) or fixed.
     Only for ``"auto"``.
 keepvolume : bool, optional
     Keep the volume that closed parts enclose.
-    By default they keep it with ``"auto"``, and with ``"paper"`` not.
-detail : {LENGTH}, optional
+    By default with ``"auto"``, and not with ``"paper"``.
+detail : {LENGTH_TYPE}, optional
     Size of the smallest detail to keep: waves of this length keep half of their height. A length or a percentage.
     The percentage is one of the diagonal of the bounding box. It bounds the low-pass filters; only for ``"auto"``.
 relax : bool, default False
-    Let vertices slide along the surface, too, which evens out the triangles.
-    Otherwise they move along the normals, and slide only where noise in all directions has made triangles narrow. Only
+    Let vertices slide along the surface, too, for more regular triangles.
+    Otherwise they move along the normals, and slide only where noise in all directions has distorted triangles. Only
     for ``"auto"``.
 rings : int, optional
     Size of the neighbourhoods in edges, 2 if left out; only for the paper's method.
@@ -158,24 +158,24 @@ method : {{"auto", "paper"}}, default "auto"
 maxholesize : int, optional
     Leave holes with more edges open; 3 or more.
     (MeshLab's own filter leaves holes of just this size open, too.)
-maxperimeter : {LENGTH}, optional
+maxperimeter : {LENGTH_TYPE}, optional
     Leave holes of a larger perimeter open: a length, or a percentage of the diagonal of the bounding box.
-maxdiameter : {LENGTH}, optional
+maxdiameter : {LENGTH_TYPE}, optional
     Leave holes of a larger diameter open: a length, or a percentage of the diagonal of the bounding box.
 outerrims : bool, default False
     Fill the outer rims of open sheets, too.
 intersecting : bool, default False
-    Fill holes, too, whose fills all cut other faces or themselves, by the one that cuts least.
-    Otherwise they are left open, as by MeshLab's own filter, and told.
+    Fill holes, too, whose fills all intersect other faces or themselves, by the fill with the fewest intersections.
+    Otherwise they are left open, as by MeshLab's own filter, and reported.
 creases : bool, default True
     Continue sharp edges that end at a hole through it.
-noise : {LENGTH}, optional
+noise : {LENGTH_TYPE}, optional
     Standard deviation of the noise, a length or a percentage of the diagonal of the bounding box; learned if left out.
-    It is that along the normal. 0 takes every point as it is.
+    It is measured along the normal. 0 interpolates every point.
 alpha : float, optional
     Weight of the points, in (0, 1], 0.8 if left out; only for the paper's method.
 correction : {{"harmonic", "lagrange", "lagrange_pieces"}}, default "harmonic"
-    How patches are made to end at the rim: harmonic, lagrange or lagrange_pieces; for the paper's method.
+    Correction that fits patches to the rim: harmonic, lagrange or lagrange_pieces; for the paper's method.
     The paper's products of Lagrange polynomials are infinite where two vertices of the rim share a parameter;
     ``"lagrange_pieces"`` takes them in pieces of the plane with four vertices of the rim at most.
 refine : bool, default True
@@ -186,13 +186,13 @@ LINES = parameters("""
 angle : float, default 40.0
     Angle between faces in degrees, from which on an edge may be sharp.
 minstrength : float, default 2.0
-    Leave out smooth lines that are weaker: that are shorter, in radii of the curvature across them.
+    Omit smooth lines that are weaker: shorter, in radii of the curvature across them.
     A line is weaker, too, where that curvature hardly changes across it.
 """)
 
 
 def _quality(fields: dict[str, Field], default: str | None) -> Parameter:
-    """The parameter that says which of some fields becomes the quality."""
+    """The parameter that selects the field for the quality."""
     *others, last = fields
     meant = [f'``"{word}"`` is the {_meaning(field)}' for word, field in fields.items() if word != field.name]
     stays = "; the old one stays if left out" if default is None else ""
@@ -215,7 +215,7 @@ QUALITY_OF = {
     CURVATURE: _quality(qualities(CURVATURE), "mean"),
     SMOOTH: _quality(qualities(SMOOTH), None),
 }
-QUALITY_IN_TILES = _quality(stored_qualities(CURVATURE), "mean")
+QUALITY_IN_TILES = _quality(result_qualities(CURVATURE), "mean")
 # of the filters by their commands, in the order of the commands' help
 PARAMETERS = {
     NORMALS: (QUALITY_OF[NORMALS], *FIT, *REPAIR, *COLORS, *RUN),
@@ -227,7 +227,7 @@ PARAMETERS = {
 }
 _ESTIMATED = """\
 ms : pymeshlab.MeshSet
-    Its current mesh may be a point cloud, whose vertex normals tell the outside where they are
+    Its current mesh may be a point cloud, whose vertex normals define the outside where they are
     not zero (see `estimate_vertex_geometry`).
 onselected : bool
     Only selected vertices get new values; if there are none, the vertices of the selected faces. The others keep
@@ -240,7 +240,7 @@ dict
     is unknown), ``mean_edge`` (a length, or None for a point cloud), ``attributes`` (names written), ``quality``
     and ``unit``,
     ``statistics`` (min, median, max and mean of the quality over the vertices with an estimate),
-    ``warnings`` (texts: why no vertex has an estimate), ``remarks`` (texts: why most have none to rely on,
+    ``warnings`` (texts: why no vertex has an estimate), ``remarks`` (texts: why most estimates are unreliable,
     and where the mesh is no manifold), ``topology`` (what pymeshlab counts, as in
     `meshing_close_holes_by_bezier_patch`; None for a point cloud),
     ``repaired`` (as in `meshing_close_holes_by_bezier_patch`, or None),
@@ -260,11 +260,11 @@ CancelledError
 _Function = TypeVar("_Function", bound=Callable[..., object])
 
 
-def documented(name: str) -> Callable[[_Function], _Function]:
-    """Complete the docstring of a filter, of a command's name, from the tables of fields and parameters.
+def complete_docstring(name: str) -> Callable[[_Function], _Function]:
+    """Complete the docstring of a filter, given the name of its command, from the tables of fields and parameters.
 
-    The source has what is particular to the filter; its columns, the parameters in the tables and the errors are added,
-    and for filters that estimate what they take, change and return.
+    The source has the text specific to the filter. Added are its columns, the parameters in the tables and the errors,
+    and for estimating filters common parameters, effects and results.
     """
 
     def complete(function: _Function) -> _Function:
@@ -276,7 +276,7 @@ def documented(name: str) -> Callable[[_Function], _Function]:
         entries |= {parameter.name: parameter.entry() for parameter in PARAMETERS[name]}
         known = [entries[parameter] for parameter in inspect.signature(function).parameters if parameter in entries]
         sections["Parameters"] = "\n".join(known)
-        paragraphs = [intro, _listed_fields(name)] if fields_of(name) else [intro]
+        paragraphs = [intro, _field_list(name)] if fields_of(name) else [intro]
         if name in ESTIMATES:
             paragraphs.append(_NOTHING_ELSE.format("" if name == NORMALS else " normals,"))
         paragraphs.append(_COORDINATES)
@@ -289,7 +289,7 @@ def documented(name: str) -> Callable[[_Function], _Function]:
     return complete
 
 
-def _listed_fields(name: str) -> str:
+def _field_list(name: str) -> str:
     """The columns of a filter as a list, an item for a number or a vector."""
     lines = ["Custom scalar attributes that are added or overwritten:", ""]
     for _, group in groupby(fields_of(name), lambda field: field.name if field.component is None else field.source):

@@ -1,4 +1,4 @@
-"""What happened at each vertex: every fallback of the fit has a code of its own, and a grade in files and on meshes."""
+"""Outcome of the fit at each vertex: a code for every fallback, and a grade in files and on meshes."""
 
 from enum import IntEnum
 
@@ -12,8 +12,7 @@ class FitStatus(IntEnum):
     Meshes and files hold the `grade` instead, from 9 for `OK` down to 0 for `SKIPPED`: other programs give the
     value 0 to vertices that they add, and nothing was estimated there.
 
-    Give arrays ``int(FitStatus.OK)``: of a member, NumPy asks Python for attributes, and loses a Ctrl-C that comes
-    then.
+    Pass ``int(FitStatus.OK)`` to NumPy: with a member, it looks up attributes in Python and may lose a Ctrl-C.
 
     >>> FitStatus.WIDER_RING.message
     'fitted on more rings than most: too few or badly placed points, as at a boundary'
@@ -50,10 +49,10 @@ class FitStatus(IntEnum):
 
     @property
     def grade(self) -> int:
-        """The number for this outcome in the column ``bz_fit_grade``: the higher, the better."""
+        """Number of this outcome in the column ``bz_fit_grade``; higher is better."""
         return FitStatus.SKIPPED - self
 
     @classmethod
     def of_grade(cls, grade: float) -> "FitStatus":
-        """The outcome that a number in the column ``bz_fit_grade`` stands for; `SKIPPED` if it is no grade."""
+        """Outcome of a number in the column ``bz_fit_grade``; `SKIPPED` if it is no grade."""
         return next((status for status in cls if status.grade == grade), cls.SKIPPED)

@@ -8,10 +8,10 @@ from griffe import Docstring, Extension, Function
 
 
 class CompletedDocstrings(Extension):
-    """Takes the docstrings of functions that `documented` completes from the imported functions."""
+    """Takes the docstrings of functions that `complete_docstring` completes from the imported functions."""
 
     def on_function_instance(self, *, func: Function, **_: Any) -> None:
         """Replace the text that stands in the source."""
-        if any(str(decorator.value).startswith("documented(") for decorator in func.decorators):
+        if any(str(decorator.value).startswith("complete_docstring(") for decorator in func.decorators):
             function = getattr(import_module(func.module.path), func.name)
             func.docstring = Docstring(inspect.getdoc(function) or "", parent=func)

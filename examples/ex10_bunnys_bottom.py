@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 import bezier_filters as bf
-from bezier_filters.meshlab.meshset import shipped_bunny
+from bezier_filters.meshlab.meshset import bunny_path
 from common import flat_panel, run
 
 OLD, NEW = (0.75, 0.75, 0.75), (1.0, 0.6, 0.2)
@@ -18,7 +18,7 @@ OLD, NEW = (0.75, 0.75, 0.75), (1.0, 0.6, 0.2)
 
 def main(out: Path) -> dict[str, Any]:
     """Write bottom.png; how many holes there are, how many were filled, and the angles along their rims."""
-    vertices, faces = bf.mesh_arrays(shipped_bunny().with_name("bunny10k_textured.obj"))
+    vertices, faces = bf.mesh_arrays(bunny_path().with_name("bunny10k_textured.obj"))
     paper, automatic = bf.fill_holes(vertices, faces, "paper"), bf.fill_holes(vertices, faces)
     panels = [flat_panel(vertices, faces, "the scan")]
     for title, result in [("the paper's patches", paper), ("automatic", automatic)]:

@@ -14,7 +14,7 @@ import numpy as np
 
 import bezier_filters as bf
 from bezier_filters.display import color_range, round_limits
-from bezier_filters.meshlab.meshset import shipped_bunny
+from bezier_filters.meshlab.meshset import bunny_path
 from common import run
 
 SETTINGS: dict[str, dict[str, Any]] = {
@@ -30,7 +30,7 @@ FIELDS = (
 
 def main(out: Path) -> dict[str, Any]:
     """Write fields.png; how far the two agree."""
-    vertices, faces = bf.mesh_arrays(shipped_bunny())
+    vertices, faces = bf.mesh_arrays(bunny_path())
     found = {name: bf.estimate_vertex_geometry(vertices, faces, **options) for name, options in SETTINGS.items()}
     panels = []
     for name, g in found.items():

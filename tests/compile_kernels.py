@@ -4,7 +4,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from furnished import punched_torus
+from full_meshset import punched_torus
 from hole_cases import without_faces_near
 
 import bezier_filters as bf

@@ -57,7 +57,12 @@ def compile_once(config):
     for path in sorted(package.rglob("*.py")):
         state.update(f"{path} {path.stat().st_mtime_ns}\n".encode())
     if config.cache.get("compiled", None) != state.hexdigest() or not any(package.rglob("*.nbc")):
-        paths = [config.rootpath, config.rootpath / "benchmarks", os.environ.get("PYTHONPATH", "")]
+        paths = [
+            config.rootpath,
+            config.rootpath / "benchmarks",
+            Path(__file__).with_name("helpers"),
+            os.environ.get("PYTHONPATH", ""),
+        ]
         environment = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, paths)).rstrip(os.pathsep)}
         command = [sys.executable, Path(__file__).with_name("compile_kernels.py")]
         done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
@@ -110,16 +115,16 @@ def textured_bunny(textured_bunny_file):
 @pytest.fixture
 def textured(textured_bunny):
     """The textured bunny in a MeshSet where everything that could get lost is set."""
-    return furnished_bunny(textured_bunny)
+    return full_bunny(textured_bunny)
 
 
-def furnished_bunny(ms):
+def full_bunny(ms):
     """That MeshSet with everything."""
-    from furnished import furnish
+    from full_meshset import add_all_attributes
 
     ms.create_cube()
     ms.set_current_mesh(0)
-    furnish(ms, height=10, faces=750)
+    add_all_attributes(ms, height=10, faces=750)
     ms.current_mesh().set_label("my bunny")
     return ms
 

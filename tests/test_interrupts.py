@@ -4,11 +4,11 @@ import sys
 
 import numpy as np
 import pytest
-from furnished import punched_torus
+from full_meshset import punched_torus
 
 from bezier_filters.arrays import unique_rows
 from bezier_filters.meshes.adjacency import vertex_adjacency
-from bezier_filters.meshes.half_edges import border_edges, doubled_edges
+from bezier_filters.meshes.half_edges import border_edges, coincident_border_edges
 from bezier_filters.meshes.mesh import triangle_mesh
 
 
@@ -39,7 +39,7 @@ def interrupt_at_every_call(function):
 def test_an_interrupt_while_borders_are_welded_is_no_type_error():
     mesh = triangle_mesh(*punched_torus())
     border = border_edges(mesh, vertex_adjacency(mesh).on_boundary)
-    assert interrupt_at_every_call(lambda: doubled_edges(mesh, border)) > 20
+    assert interrupt_at_every_call(lambda: coincident_border_edges(mesh, border)) > 20
 
 
 @pytest.mark.parametrize("columns", [1, 2, 3])

@@ -18,7 +18,7 @@ from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.feature_lines.crease_lines import crease_columns
 from bezier_filters.fields import CREASES, CURVATURE, ESTIMATES, NORMALS, SMOOTH, TORSION, columns, fields_of
-from bezier_filters.parameters import LENGTH, PARAMETERS, RUN, Parameter
+from bezier_filters.parameters import LENGTH_TYPE, PARAMETERS, RUN, Parameter
 
 FILL_HOLES = "fill-holes"
 LABELS = {
@@ -33,7 +33,7 @@ HELP = {
     NORMALS: "Normals of the Bezier patch at every vertex.",
     CURVATURE: "Mean, Gaussian and principal curvatures and directions at every vertex.",
     TORSION: "Principal geodesic torsion and its directions at every vertex.",
-    SMOOTH: "Take the noise off a mesh and keep its shape, its volume and its edges.",
+    SMOOTH: "Remove the noise of a mesh and keep its shape, its volume and its edges.",
     FILL_HOLES: "Fill the holes of a mesh: smooth where the surface is smooth, sharp where it is sharp.",
     CREASES: "Sharp edges, ridges and ravines, as a code and a strength at every vertex.",
 }
@@ -140,7 +140,7 @@ def _value(parameter: Parameter, given: object, vertices: FloatArray) -> object:
         return given
     text = given.strip()
     try:
-        if parameter.kind == LENGTH and text.endswith("%"):
+        if parameter.kind == LENGTH_TYPE and text.endswith("%"):
             return float(text[:-1]) / 100 * float(np.linalg.norm(np.ptp(vertices, axis=0)))
         return ast.literal_eval(text)
     except (SyntaxError, ValueError):  # a word

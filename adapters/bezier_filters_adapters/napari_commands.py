@@ -30,7 +30,7 @@ def _command(name: str) -> Callable[..., LayerData]:
         data = surface.data if is_layer else surface
         mesh = triangle_mesh(data[0], data[1])
         placement = placement_of_layer(surface) if is_layer else Placement(np.eye(3), np.zeros(3))
-        world = placement.to_world(mesh.vertices)
+        world = placement.world_coordinates(mesh.vertices)
         result = run(name, world, placement.orient(mesh.faces), given)
         vertices = _in_data(placement, mesh.vertices, world, result.vertices)
         values = () if shown is None else (result.fields[str(shown)],)
@@ -50,7 +50,7 @@ def _command(name: str) -> Callable[..., LayerData]:
 
 def _in_data(placement: Placement, before: FloatArray, world: FloatArray, result: FloatArray) -> FloatArray:
     """Vertices of a result in the coordinates of the layer; where they did not move, the very ones from before."""
-    vertices = placement.to_data(result)
+    vertices = placement.layer_coordinates(result)
     stay = np.flatnonzero((result[: len(world)] == world).all(axis=1))
     vertices[stay] = before[stay]
     return vertices

@@ -5,9 +5,9 @@ import sys
 
 
 def main() -> None:
-    """Run it in a child process; bad input ends it with one line and exit status 2, also where a library crashes.
+    """Run the command in a child process; bad input ends it with one line and exit status 2, even if a library crashes.
 
-    What reads no file needs no child, which would take most of the time.
+    Commands that read no file run without a child, which would take most of the time.
     """
     if sys.argv[1:] == ["--version"]:
         from bezier_filters._version import __version__

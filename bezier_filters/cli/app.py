@@ -13,7 +13,7 @@ import typer
 from bezier_filters._version import __version__
 from bezier_filters.cli import console
 from bezier_filters.errors import InvalidParameterError
-from bezier_filters.parameters import LENGTH, PARAMETERS, Parameter
+from bezier_filters.parameters import LENGTH_TYPE, PARAMETERS, Parameter
 from bezier_filters.runtime.atomic import temporary_folder
 from bezier_filters.runtime.file_names import name_pipe, printable_path
 from bezier_filters.runtime.supervision import EXIT_INCOMPLETE
@@ -67,13 +67,13 @@ def _app(
 PIPE = Path("-")
 
 
-def named_path(text: str) -> Path:
+def parse_path(text: str) -> Path:
     """Parse the name of a file: ``-`` is a pipe, ``./-`` a file of that name."""
     return Path(text).absolute() if text != "-" and Path(text) == PIPE else Path(text)
 
 
-def from_pipe(context: typer.Context, source: Path | None) -> Path | None:
-    """A file with what comes through the standard input, if that is meant; its beginning tells the format."""
+def read_pipe(context: typer.Context, source: Path | None) -> Path | None:
+    """Write the standard input to a file if the source is ``-``; the format follows from its beginning."""
     if source != PIPE:
         return source
     data = sys.stdin.buffer.read()
@@ -87,13 +87,13 @@ def from_pipe(context: typer.Context, source: Path | None) -> Path | None:
     return path
 
 
-def all_from_pipe(context: typer.Context, sources: list[Path]) -> list[Path]:
-    """The same for several files, one of which may come through the standard input."""
-    return [from_pipe(context, source) or source for source in sources]
+def read_pipes(context: typer.Context, sources: list[Path]) -> list[Path]:
+    """`read_pipe` for several sources, one of which may be the standard input."""
+    return [read_pipe(context, source) or source for source in sources]
 
 
-def to_pipe(suffix: str) -> Callable[[typer.Context, Path | None], Path | None]:
-    """What gives a file of a format that goes to the standard output when the command is done, if that is meant."""
+def pipe_callback(suffix: str) -> Callable[[typer.Context, Path | None], Path | None]:
+    """Callback that replaces the target ``-`` by a file, which is sent to the standard output after the command."""
 
     def begin(context: typer.Context, target: Path | None) -> Path | None:
         if target != PIPE:
@@ -115,7 +115,7 @@ def to_pipe(suffix: str) -> Callable[[typer.Context, Path | None], Path | None]:
 
 
 def check_target(target: Path, *sources: Path, overwrite: bool) -> None:
-    """Refuse to write over an input, or over a file that is write-protected, unless that is asked for."""
+    """Refuse to overwrite an input or a write-protected file, unless `overwrite` is given."""
     if overwrite or not target.exists():
         return
     if any(source.exists() and target.samefile(source) for source in sources):
@@ -129,8 +129,8 @@ Source = Annotated[
     typer.Argument(
         help="Mesh or point cloud to read: any format that pymeshlab reads, or - for the standard input.",
         metavar="INPUT",
-        parser=named_path,
-        callback=from_pipe,
+        parser=parse_path,
+        callback=read_pipe,
     ),
 ]
 Target = Annotated[
@@ -138,8 +138,8 @@ Target = Annotated[
     typer.Argument(
         help="Mesh to write, or - for the standard output. PLY keeps quality, colour and all fields.",
         metavar="OUTPUT",
-        parser=named_path,
-        callback=to_pipe(".ply"),
+        parser=parse_path,
+        callback=pipe_callback(".ply"),
     ),
 ]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Also replace the input, or a write-protected file.")]
@@ -162,44 +162,44 @@ _Command = TypeVar("_Command", bound=Callable[..., None])
 
 
 def options(*parameters: Parameter) -> Callable[[_Command], _Command]:
-    """Give a command the options of a table, which it takes as keywords; in its help they come before its own."""
+    """Add the options of a table to a command as keyword arguments, before its own options in the help."""
 
-    def with_options(command: _Command) -> _Command:
+    def add_options(command: _Command) -> _Command:
         signature = inspect.signature(command, eval_str=True)
         own = [item for item in signature.parameters.values() if item.kind is not item.VAR_KEYWORD]
         given = [
             inspect.Parameter(item.name, inspect.Parameter.KEYWORD_ONLY, default=item.default, annotation=_option(item))
             for item in parameters
-            if item.kind != "callable"  # progress, for which commands have a bar
+            if item.kind != "callable"  # progress: commands have a bar
         ]
         first = next((k for k, item in enumerate(own) if item.kind is item.KEYWORD_ONLY), len(own))
         found = signature.replace(parameters=[*own[:first], *given, *own[first:]])
         command.__signature__ = found  # type: ignore[attr-defined]  # where typer looks
         return command
 
-    return with_options
+    return add_options
 
 
-def in_the_shell(message: str) -> str:
-    """A message of a filter with the option in the place of the parameter that it names; there, None is to give none.
+def shell_message(message: str) -> str:
+    """A message of a filter with the name of the option instead of that of the parameter, without mention of None.
 
-    >>> in_the_shell("max_diameter: got 0.0, expected a positive length, or None")
+    >>> shell_message("max_diameter: got 0.0, expected a positive length, or None")
     '--max-diameter: got 0.0, expected a positive length'
     """
     said = re.sub(r",? or None( to learn it)?", "", message).replace("the current mesh", "the mesh")
     said = said.replace("skip=True", "--skip")
     name, colon, text = said.partition(": ")
     known = {item.name.replace("_", ""): item.name for table in PARAMETERS.values() for item in table}
-    parameter = known.get(name.replace("_", ""))  # array functions have underscores that filters have not
+    parameter = known.get(name.replace("_", ""))  # array functions have underscores, filters do not
     return f"{_option_of(parameter) if parameter else name}{colon}{text}"
 
 
 def end_with_remarks(target: str, report: "Report") -> None:
-    """Print the remarks of a report, and its warnings, which end the command with the status for them."""
+    """Print the remarks and warnings of a report; with warnings, exit with the status for incomplete results."""
     for remark in report.get("remarks", []):
-        console.err().print(f"note: {console.in_words_of_the_shell(in_the_shell(remark))}", markup=False)
+        console.err().print(f"note: {console.shell_remark(shell_message(remark))}", markup=False)
     if warnings := report.get("warnings"):
-        text = console.in_words_of_the_shell("; ".join(warnings))
+        text = console.shell_remark("; ".join(warnings))
         console.err().print(f"look at {target}: {text}", markup=False)
         raise typer.Exit(EXIT_INCOMPLETE)
 
@@ -210,7 +210,7 @@ def _option_of(name: str) -> str:
 
 
 def _option(parameter: Parameter) -> object:
-    """A parameter as typer wants it."""
+    """Annotation of a parameter for typer."""
     name = _option_of(parameter.name)
     words = re.findall(r'"(\w+)"', parameter.kind) if parameter.kind.startswith("{") else []
     kind, parser, metavar = (str, None, None) if words else _KINDS[parameter.kind]
@@ -219,7 +219,7 @@ def _option(parameter: Parameter) -> object:
         typer.Option(
             f"{name}/--no-{name[2:]}" if parameter.kind == "bool" else name,
             help=parameter.help,
-            min=_LEAST.get(parameter.name) if parser is None else None,
+            min=_MINIMUM.get(parameter.name) if parser is None else None,
             parser=parser,
             metavar=metavar,
             autocompletion=(lambda: words) if words else None,
@@ -272,8 +272,8 @@ _NAMES = {
     "outerrims": "outer-rims",
     "minstrength": "min-strength",
 }
-# numbers that typer refuses if they are smaller
-_LEAST = {
+# least values that typer accepts
+_MINIMUM = {
     "threads": 1,
     "iterations": 1,
     "maxholesize": 3,
@@ -282,7 +282,7 @@ _LEAST = {
     "workers": 1,
     "tile_vertices": 256,
 }
-# types, parsers and what stands for values in the help, by what documents say
+# type, parser and placeholder in the help, by the type in documents
 _KINDS: dict[str, tuple[Any, Callable[[str], object] | None, str | None]] = {
     "bool": (bool, None, None),
     "switch": (bool, None, None),
@@ -295,6 +295,6 @@ _KINDS: dict[str, tuple[Any, Callable[[str], object] | None, str | None]] = {
     "(float, float, float)": (tuple[float, float, float], None, "X Y Z"),
     'int or "auto"': (Any, _auto_or(int), "NUMBER|auto"),
     'float or "auto"': (Any, _auto_or(float), "NUMBER|auto"),
-    LENGTH: (Any, _length, "LENGTH|PERCENT%"),
+    LENGTH_TYPE: (Any, _length, "LENGTH_TYPE|PERCENT%"),
     "size": (Any, size_in_bytes, "2GB"),
 }

@@ -28,13 +28,13 @@ if TYPE_CHECKING:
 
 __all__ = ["Item", "batch", "filters", "plan", "run_command"]
 
-# below the folder of the results: a line of JSON for each, its path, the checksum of its input, command and options
+# file in the folder of the results: a line of JSON per result, with path, checksum of the input, command and options
 RECORDS = ".bezier-filters-batch"
 
 
 @dataclass(frozen=True)
 class Item:
-    """A file of a batch and what became of it, as the batch reports it."""
+    """A file of a batch and its result, as the batch reports it."""
 
     input: str
     output: str
@@ -68,10 +68,10 @@ def batch(
 ) -> None:
     """Run a command on many files, several at a time.
 
-    Files of which there is a result are skipped, if their content, the command and the options are the same as then,
-    so that a batch that was interrupted goes on where it was. A file that fails does not stop the others: the table
-    says why, and the exit status is 1; it is 3 where none fails but a result needs a look. Below --out, results have
-    the names of the files, and the folders below the fixed part of a pattern.
+    Files with a result are skipped if their content, the command and the options are unchanged, so that an interrupted
+    batch continues where it stopped. A file that fails does not stop the others: the table says why, and the exit
+    status is 1; it is 3 where none fails but a result needs a look. Below --out, results have the names of the files,
+    and the folders below the fixed part of a pattern.
     """
     from bezier_filters.runtime.parallel import usable_threads
     from bezier_filters.runtime.worker_processes import run_in_processes
@@ -99,7 +99,7 @@ def batch(
             for done, (position, outcome) in enumerate(outcomes, start=1):
                 index = todo[position]
                 source = items[index].input
-                # Of a file that has changed since, it is not known what was read.
+                # A file that has changed meanwhile may have been read in either state.
                 if not outcome.error and _stamp(source) == stamps[index] is not None:
                     record = [os.path.relpath(items[index].output, out), file_checksum(source), command, *arguments]
                     with (out / RECORDS).open("a", encoding="utf-8") as records:
@@ -115,8 +115,8 @@ def batch(
                     progress(done, len(todo))
         except KeyboardInterrupt:
             there = sum(item.result in ("done", "skipped") for item in items)
-            told = f"{there:,} of {len(items):,} results are in {out}; the same command goes on"
-            console.err().print(told, markup=False)
+            message = f"{there:,} of {len(items):,} results are in {out}; the same command goes on"
+            console.err().print(message, markup=False)
             raise
     summary = summarize(command, items, time.perf_counter() - start)
     if json:
@@ -130,14 +130,14 @@ def batch(
 
 
 def _absolute(item: Item) -> tuple[str, str]:
-    """Paths of the files, which workers in other folders find, too, and which no pipe or option is called."""
+    """Absolute paths of the files, valid in other folders, and never mistaken for pipes or options."""
     return os.path.abspath(item.input), os.path.abspath(item.output)
 
 
-def _recorded(out: Path) -> dict[str, list[str]]:
+def _read_records(out: Path) -> dict[str, list[str]]:
     """Checksum of the input, command and options of the results below a folder, by their paths there.
 
-    Of lines that are cut short nothing is known.
+    Truncated lines are ignored.
     """
     found = {}
     with suppress(FileNotFoundError, ValueError):
@@ -148,7 +148,7 @@ def _recorded(out: Path) -> dict[str, list[str]]:
 
 
 def _stamp(path: str) -> tuple[int, int] | None:
-    """What changes when a file is written: its time and size; None where it is not there."""
+    """Modification time and size of a file; None if it does not exist."""
     with suppress(OSError):
         status = os.stat(path)
         return status.st_mtime_ns, status.st_size
@@ -156,7 +156,7 @@ def _stamp(path: str) -> tuple[int, int] | None:
 
 
 def run_command(arguments: Sequence[str]) -> "Report":
-    """Do what the command line does with these arguments; its report."""
+    """Run a command line in this process and return its report."""
     printed = io.StringIO()
     with redirect_stdout(printed), redirect_stderr(io.StringIO()), file_remarks() as remarks:
         app([arguments[0], "--json", *arguments[1:]], standalone_mode=False)
@@ -179,9 +179,9 @@ def check_command(command: str, options: list[str]) -> None:
 
 
 def find_files(sources: Sequence[str]) -> dict[Path, str]:
-    """Files that are named or match a pattern, each once, in order; a pattern that matches nothing is refused.
+    """Files given by name or pattern, each once, in order; a pattern without matches is refused.
 
-    Each comes with its folder below the part of the pattern that is fixed, so that others have no influence on it.
+    The value of each is its folder relative to the fixed part of the pattern, which does not depend on other files.
     """
     found: dict[Path, str] = {}
     for source in sources:
@@ -199,16 +199,15 @@ def find_files(sources: Sequence[str]) -> dict[Path, str]:
 
 
 def plan(sources: Mapping[Path, str], out: Path, suffix: str, done: Sequence[str] = ()) -> list[Item]:
-    """Where the results go, below `out`, and which are there already, done by this command with these options.
+    """Paths of the results below `out`, and which of them exist already for this command and these options.
 
-    They have the names of the files, in the folders that come with them. No two may be the same file, and none an
-    input.
+    Results have the names and the relative folders of their inputs. They must differ from each other and from inputs.
     """
     if not suffix.startswith("."):
         raise InvalidParameterError(f"suffix: got {suffix!r}, expected a suffix with its dot, such as .ply")
     items: dict[str, Item] = {}
     taken = {os.path.realpath(source) for source in sources}
-    recorded = _recorded(out)
+    recorded = _read_records(out)
     for source, folder in sources.items():
         target = out / folder / f"{source.stem}{suffix}"
         real = os.path.realpath(target)
@@ -227,6 +226,6 @@ def plan(sources: Mapping[Path, str], out: Path, suffix: str, done: Sequence[str
 
 
 def summarize(command: str, items: Sequence[Item], seconds: float) -> "Report":
-    """The batch as one dict, which can be written as JSON."""
+    """Summary of the batch as a dict that can be written as JSON."""
     count = {result: sum(item.result == result for item in items) for result in ("done", "skipped", "failed")}
     return {"command": command, **count, "seconds": seconds, "files": [asdict(item) for item in items]}

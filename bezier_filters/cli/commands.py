@@ -22,10 +22,10 @@ from bezier_filters.cli.app import (
     check_target,
     end_with_remarks,
     examples,
-    from_pipe,
-    in_the_shell,
-    named_path,
-    to_pipe,
+    parse_path,
+    pipe_callback,
+    read_pipe,
+    shell_message,
 )
 from bezier_filters.cli.reading import file_remarks
 from bezier_filters.errors import InvalidParameterError
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 
 __all__ = ["app", "batch", "filters", "pictures", "scale", "serve_command_line"]
 
-POLL = 0.25  # seconds between looks; a file that is the same at two of them has been written whole
+POLL_SECONDS = 0.25  # interval between checks; a file that is unchanged after one is complete
 
 Stamp = tuple[int, int]
 
@@ -65,7 +65,7 @@ def watch(
 ) -> None:
     """Run a command whenever MeshLab, or another program, saves the mesh; reload the result there to see it.
 
-    It is run at once, too. What cannot be read or computed is told, and the next save is waited for. Ctrl-C ends it.
+    It also runs at the start. Errors are printed, and the command waits for the next save. Ctrl-C ends it.
     """
     command, *arguments = shlex.split(run) or [""]
     batch.check_command(command, arguments)
@@ -87,33 +87,34 @@ def watch(
     seen: Stamp | None = None
     while True:
         seen = _next_stamp(source, seen)
-        # In a process of its own, so that a file that is only half there ends nothing.
+        # In a child process, so that an incomplete file does not end this one.
         status = subprocess.run(work, env=child_environment(), check=False).returncode
         if target.exists() and source.exists() and target.samefile(source):
             seen = _stamp(source)  # this save was ours
-        told = (
+        outcome = (
             f"done: reload {printable_path(target)} in MeshLab"
             if status in (0, EXIT_INCOMPLETE)
             else "could not be run"
         )
         console.out().print(
-            f"{time.strftime('%X')}  {command} {told}; waiting for {printable_path(source)} to be saved", markup=False
+            f"{time.strftime('%X')}  {command} {outcome}; waiting for {printable_path(source)} to be saved",
+            markup=False,
         )
 
 
 def _next_stamp(path: Path, seen: Stamp | None) -> Stamp:
-    """Wait until a file is there, is another one than that seen last, and is no longer written to."""
+    """Wait until a file exists, differs from the last one seen, and is complete."""
     before = seen
     while True:
         now = _stamp(path)
         if now is not None and now != seen and now == before:
             return now
         before = now
-        time.sleep(POLL)
+        time.sleep(POLL_SECONDS)
 
 
 def _stamp(path: Path) -> Stamp | None:
-    """What changes when a file is written: its time and size; None while it is not there."""
+    """Modification time and size of a file; None while it does not exist."""
     try:
         status = path.stat()
     except OSError:
@@ -125,7 +126,7 @@ def _stamp(path: Path) -> Stamp | None:
 def info(source: Source, skip: Skip = False, json: Json = False) -> None:
     """Say what is in a mesh or point cloud, how much noise there is, and whether it is fit for fitting."""
     with console.stages(quiet=json) as stage:
-        _, summary = _inspected(source, stage, skip=skip)
+        _, summary = _inspect(source, stage, skip=skip)
     if json:
         console.print_json({"file": user_path(source), **summary})
     else:
@@ -140,8 +141,8 @@ def report(
         typer.Argument(
             help="Page to write, or - for the standard output; by default in this folder, with the name of the mesh.",
             metavar="PAGE.html",
-            parser=named_path,
-            callback=to_pipe(".html"),
+            parser=parse_path,
+            callback=pipe_callback(".html"),
         ),
     ] = None,
     skip: Skip = False,
@@ -151,7 +152,7 @@ def report(
 ) -> None:
     """Write a page with the mesh, to be turned in a browser, and all that is known of it: one file, no network.
 
-    It shows curvature, torsion, error bars, status and sharp edges with legends and histograms, what info tells, and
+    It shows curvature, torsion, error bars, status and sharp edges with legends and histograms, the output of info, and
     the mesh before and after smoothing and filling. A line drawn on the mesh has its profile.
     """
     from bezier_filters.pictures.page import report_page
@@ -161,7 +162,7 @@ def report(
         raise typer.BadParameter(f"PAGE: got {str(page)!r}, expected a file name that ends in .html")
     check_target(page, source, overwrite=overwrite)
     with console.stages(quiet=quiet or json) as stage:
-        mesh, summary = _inspected(source, stage, skip=skip)
+        mesh, summary = _inspect(source, stage, skip=skip)
         made = report_page(
             printable_name(source), mesh, console.summary_rows(summary), summary["findings"], stage=stage
         )
@@ -175,8 +176,8 @@ def report(
         console.out().print(f"wrote [bold]{console.escape(printable_path(page))}[/]; open it in a browser")
 
 
-def _inspected(source: Path, stage: console.Stage, *, skip: bool) -> tuple["CurrentMesh", "Report"]:
-    """A mesh, and what `info` tells of it."""
+def _inspect(source: Path, stage: console.Stage, *, skip: bool) -> tuple["CurrentMesh", "Report"]:
+    """A mesh, and the report of `info`."""
     from bezier_filters.meshes.diagnosis import diagnose, inspect_mesh, is_fit
     from bezier_filters.meshes.mesh import triangle_mesh
     from bezier_filters.meshlab.mesh_files import contents_of, load_mesh
@@ -205,7 +206,7 @@ def _inspected(source: Path, stage: console.Stage, *, skip: bool) -> tuple["Curr
 
 
 def _noise_of(mesh: "TriangleMesh") -> "Report":
-    """The noise of a mesh, learned as for fitting and smoothing, by the names of what `noise_in_words` takes."""
+    """Noise of a mesh, learned as for fitting and smoothing, as arguments of `noise_in_words`."""
     from bezier_filters.fitting.first_call import first_call
     from bezier_filters.fitting.noise_level import explain_unknown_noise, learn_mesh_noise
     from bezier_filters.meshes.adjacency import vertex_adjacency
@@ -227,8 +228,8 @@ def demo(
         typer.Argument(
             help="Any mesh; the bunny that pymeshlab ships if left out.",
             metavar="MESH",
-            parser=named_path,
-            callback=from_pipe,
+            parser=parse_path,
+            callback=read_pipe,
         ),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for the files.")] = Path("out"),
@@ -246,14 +247,14 @@ def demo(
     files: list[Report] = []
     warnings: list[str] = []
     with console.stages(quiet=quiet or json) as stage:
-        for label, path, told in run_demo(out, source, stage, skip=skip):
+        for label, path, outcome in run_demo(out, source, stage, skip=skip):
             if not (quiet or json):
                 if not files:
-                    console.print_status(told, printable_path(source or "bunny"))
-                console.print_statistics(told, label)
-                console.print_written(told, printable_path(path))
-            warnings += told["warnings"]
-            files.append({"output": user_path(path), **told})
+                    console.print_status(outcome, printable_path(source or "bunny"))
+                console.print_statistics(outcome, label)
+                console.print_written(outcome, printable_path(path))
+            warnings += outcome["warnings"]
+            files.append({"output": user_path(path), **outcome})
     if json:
         console.print_json({"files": files, "picture": user_path(picture)})
     elif not quiet:
@@ -286,19 +287,19 @@ def _run() -> str:
                         raise SystemExit(EXIT_INCOMPLETE) from None
                 raise
     except (ValueError, OSError, ImportError, CancelledError) as error:
-        return _in_one_line(error)
+        return _one_line_message(error)
     except MemoryError:
         return "there is not enough memory for this mesh; nothing was written"
     except Exception as error:
         # pymeshlab's exceptions share no base but Exception, and importing it here would be slow.
         if not any(base.__name__ == "PyMeshLabException" for base in type(error).__mro__):
             raise
-        return _in_one_line(error)
+        return _one_line_message(error)
     return ""
 
 
-def _in_one_line(error: Exception) -> str:
+def _one_line_message(error: Exception) -> str:
     if isinstance(error, OSError) and error.strerror and error.filename:
         return f"{printable_path(error.filename)}: {error.strerror}"
-    text = in_the_shell(" ".join(replace_pipe_paths(str(error)).split())) or type(error).__name__
+    text = shell_message(" ".join(replace_pipe_paths(str(error)).split())) or type(error).__name__
     return escape_unprintable(text)

@@ -1,9 +1,9 @@
-"""What the command line prints: reports as text or JSON, and what is being done.
+"""Output of the command line: reports as text or JSON, and progress.
 
-Rich is imported when something is printed: that takes longer than all of the help.
+Rich is imported on first output: that takes longer than all of the help.
 """
 
-from __future__ import annotations  # what they name costs time to import
+from __future__ import annotations  # the annotated types are slow to import
 
 import json
 import re
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from bezier_filters.arrays import Report
     from bezier_filters.runtime.parallel import Progress as ProgressCallback
 
-MOST_HOLES = 20  # that are listed one by one
+MAX_LISTED_HOLES = 20  # rows of the table of holes
 FILLS = {
     "surface": "on the surface that continues the one around the hole",
     "creases": "smooth between sharp edges, which go on through the hole",
@@ -36,13 +36,13 @@ FILLS = {
 
 @cache
 def out() -> Console:
-    """Where reports go: stdout."""
+    """Console for reports: stdout."""
     return _console(stderr=False)
 
 
 @cache
 def err() -> Console:
-    """Where remarks and the progress go: stderr."""
+    """Console for remarks and progress: stderr."""
     return _console(stderr=True)
 
 
@@ -53,7 +53,7 @@ def _console(*, stderr: bool) -> Console:
 
 
 def escape(text: str) -> str:
-    """Text that is printed as it is."""
+    """Escape text for printing without markup."""
     from rich.markup import escape
 
     return escape(text)
@@ -70,10 +70,10 @@ Stage = Callable[[str], "ProgressCallback | None"]  # begins one, see `stages`
 
 @contextmanager
 def stages(*, quiet: bool) -> Iterator[Stage]:
-    """What is being done, on stderr while the block runs, gone afterwards.
+    """Show progress on stderr while the block runs.
 
-    The function that it gives begins a stage, with its name, and gives the callback that moves the bar, or None where
-    nobody looks.
+    The function that it yields begins a stage, given its name, and returns the callback of the bar, or None if stderr
+    is not a terminal.
     """
     if quiet or not err().is_terminal:
         yield lambda name: None
@@ -90,7 +90,7 @@ def print_json(data: Report) -> None:
 
 
 def print_status(report: Report, source: str) -> None:
-    """Say how the fits of a mesh went."""
+    """Print the outcome of the fits of a mesh."""
     out().print(f"[bold]{escape(source)}[/]: {sum(report['status'].values()):,} vertices")
     _print_repaired(report)
     fit = report["fit"]
@@ -106,28 +106,28 @@ def print_status(report: Report, source: str) -> None:
 
 
 def print_tiles(report: Report) -> None:
-    """Say how the tiles of a large mesh went."""
+    """Print statistics of the tiles of a large mesh."""
     there = report["tiles"] * report["rounds"] - report["computed_tiles"]
     rounds = f" in {report['rounds']} rounds" if report["rounds"] > 1 else ""
     out().print(
         f"  {report['tiles']:,} tiles of {report['tile_vertices']:,} vertices{rounds}, {report['halo']:.0%} read "
-        f"around them; {there:,} were there already; {report['peak_bytes']['worker'] / 1e9:.2f} GB per worker at most"
+        f"around them; {there:,} existed already; {report['peak_bytes']['worker'] / 1e9:.2f} GB per worker at most"
     )
     if report["damaged_tiles"]:
         out().print(f"  damaged, and computed again: tiles {', '.join(map(str, report['damaged_tiles']))}")
 
 
 def print_noise(report: Report) -> None:
-    """Say what became of the noise of a large mesh."""
-    if "noise" not in report:  # the paper's method does not look at it
+    """Print the noise of a large mesh before and after smoothing."""
+    if "noise" not in report:  # the paper's method ignores it
         return
     noise = report["noise"]
     before, after = noise_in_words(noise["before"], noise["length"], noise["heavy"]), noise_level(noise["after"])
     out().print(f"  {before}; {after} after; {report['faces']['new']:,} new wrong faces")
 
 
-def _smoothed_noise(report: Report) -> str:
-    """The noise before smoothing, and what is left of it."""
+def _noise_change(report: Report) -> str:
+    """The noise before and after smoothing."""
     edge = report["mean_edge"]
     known = report["noise_before"], report["noise_length"], report["noise_heavy"]
     before = noise_in_words(*known, edge, reason=report["noise_reason"])
@@ -135,13 +135,13 @@ def _smoothed_noise(report: Report) -> str:
 
 
 def print_smoothing(report: Report, source: str) -> None:
-    """Say what smoothing did to a mesh."""
+    """Print the effect of smoothing on a mesh."""
 
     def edges(length: float | None) -> str:
         return f"{length / report['mean_edge']:.3g}" if length is not None and report["mean_edge"] else "unknown"
 
     table = _table(show_header=False, padding=(0, 2, 0, 2))
-    table.add_row("noise", _smoothed_noise(report).removeprefix("noise "))
+    table.add_row("noise", _noise_change(report).removeprefix("noise "))
     moved = ", ".join(f"{name} {edges(value)}" for name, value in report["displacement"].items())
     table.add_row("displacement", f"{moved} \\[mean edges]; {report['moved']:,} vertices moved")
     if not report["moved"]:
@@ -157,23 +157,23 @@ def print_smoothing(report: Report, source: str) -> None:
 
 
 def _print_repaired(report: Report) -> None:
-    """Say what was changed in a mesh before the filter's own work."""
+    """Print the repairs of a mesh."""
     changes = {name.replace("_", " "): count for name, count in (report.get("repaired") or {}).items() if count}
     if changes:
         out().print("  repaired: " + ", ".join(f"{count:,} {name}" for name, count in changes.items()))
 
 
-def in_words_of_the_shell(text: str) -> str:
-    """A remark on holes with options where it names parameters.
+def shell_remark(text: str) -> str:
+    """A remark on holes with names of options instead of parameters.
 
-    >>> in_words_of_the_shell("the outer rim of an open sheet; outer_rims=True fills it, too")
+    >>> shell_remark("the outer rim of an open sheet; outer_rims=True fills it, too")
     'the outer rim of an open sheet; --outer-rims fills it, too'
     """
     return re.sub(r"(\w+)=True( of the filter)?", lambda found: f"--{found[1].replace('_', '-')}", text)
 
 
 def print_holes(report: Report, source: str) -> None:
-    """Say what was done to the holes of a mesh."""
+    """Print how the holes of a mesh were filled."""
     from rich.padding import Padding
 
     out().print(f"[bold]{escape(source)}[/]")
@@ -182,16 +182,16 @@ def print_holes(report: Report, source: str) -> None:
         out().print("  no holes")
         return
     out().print("    edges  diameter [length]  fill         new faces  rim angle [degrees]", markup=False)
-    for hole in sorted(report["holes"], key=lambda hole: -hole["edge_count"])[:MOST_HOLES]:
+    for hole in sorted(report["holes"], key=lambda hole: -hole["edge_count"])[:MAX_LISTED_HOLES]:
         angle = f"{hole['rim_dihedral']:.1f}" if hole["filled"] else ""
         method = hole["method"] or "left open"
         size = f"{hole['edge_count']:>9,}  {hole['diameter']:>17.3g}"
         out().print(f"{size}  {method:<11}  {hole['new_faces']:>9,}  {angle:>19}".rstrip())
         if hole["reason"]:
-            remark = "tried before: " * hole["filled"] + in_words_of_the_shell(hole["reason"])
+            remark = "tried before: " * hole["filled"] + shell_remark(hole["reason"])
             out().print(Padding(escape(remark), (0, 2, 0, 11), expand=False), soft_wrap=False)
-    if len(report["holes"]) > MOST_HOLES:
-        out().print(f"  and {len(report['holes']) - MOST_HOLES:,} smaller ones")
+    if len(report["holes"]) > MAX_LISTED_HOLES:
+        out().print(f"  and {len(report['holes']) - MAX_LISTED_HOLES:,} smaller ones")
     used = {hole["method"] for hole in report["holes"] if hole["filled"]}
     for method, meaning in FILLS.items():
         if method in used:
@@ -207,7 +207,7 @@ def print_holes(report: Report, source: str) -> None:
 
 
 def print_creases(report: Report, source: str) -> None:
-    """Say how many lines there are of each kind, how long they are, and how strong."""
+    """Print number, length and strength of the lines of each kind."""
     out().print(f"[bold]{escape(source)}[/]")
     table = _table(padding=(0, 2, 0, 2))
     for column in ("", "lines", "length", "strongest", "least certain"):
@@ -226,7 +226,7 @@ def print_creases(report: Report, source: str) -> None:
 
 
 def print_statistics(report: Report, label: str) -> None:
-    """Say what the values of a quality are, if there are any."""
+    """Print statistics of a quality, if there are any."""
     if report["statistics"] is None:
         return
     unit = f" [{report['unit']}]" if report["unit"] else ""
@@ -235,12 +235,12 @@ def print_statistics(report: Report, label: str) -> None:
 
 
 def print_written(report: Report, target: str) -> None:
-    """Say which file was written and how long the filter took."""
+    """Print the name of the written file and the time of the filter."""
     out().print(f"wrote [bold]{escape(target)}[/] ({sum(report['seconds'].values()):.2f} s)")
 
 
 def print_batch(summary: Report) -> None:
-    """Say what became of the files of a batch."""
+    """Print the results of a batch."""
     width = max(len(printable_path(file["input"])) for file in summary["files"])
     for file in summary["files"]:
         name = printable_path(file["input"])
@@ -253,11 +253,11 @@ def print_batch(summary: Report) -> None:
 
 
 def _remark(report: Report) -> str:
-    """The most telling numbers of a filter's report."""
+    """The most important numbers of a filter's report."""
     numbers = _numbers(report)
     if not report.get("warnings"):
         return numbers
-    return in_words_of_the_shell("; look at: ".join(filter(None, [numbers, *report["warnings"]])))
+    return shell_remark("; look at: ".join(filter(None, [numbers, *report["warnings"]])))
 
 
 def _numbers(report: Report) -> str:
@@ -266,7 +266,7 @@ def _numbers(report: Report) -> str:
     if "closed_holes" in report:
         return f"{report['closed_holes']:,} holes filled, {report['open_holes']:,} left open"
     if "noise_before" in report:
-        return _smoothed_noise(report)
+        return _noise_change(report)
     if report.get("statistics"):
         unit = f" [{report['unit']}]" if report["unit"] else ""
         known = qualities(CURVATURE).get(report["quality"])
@@ -275,7 +275,7 @@ def _numbers(report: Report) -> str:
 
 
 def summary_rows(summary: Report) -> list[tuple[str, str]]:
-    """What is in a mesh, in words."""
+    """Contents of a mesh, in words."""
     low, high = summary["bounding_box"]
 
     def number(key: str) -> str:
@@ -300,7 +300,7 @@ def summary_rows(summary: Report) -> list[tuple[str, str]]:
 
 
 def print_mesh_summary(summary: Report, source: str) -> None:
-    """Say what is in a mesh and whether it can be fitted."""
+    """Print the contents of a mesh and whether it can be fitted."""
     table = _table(show_header=False, padding=(0, 2, 0, 0))
     for row in summary_rows(summary):
         table.add_row(*map(escape, row))

@@ -23,9 +23,9 @@ from bezier_filters.cli.app import (
     check_target,
     end_with_remarks,
     examples,
-    named_path,
     options,
-    to_pipe,
+    parse_path,
+    pipe_callback,
 )
 from bezier_filters.fields import qualities
 from bezier_filters.parameters import COLORS, PARAMETERS, Parameter
@@ -46,10 +46,10 @@ def filter_command(
     verb: str = "fitting",
     show: "Callable[[Report, str], None]" = console.print_status,
 ) -> Callable[[Callable[[], None]], Callable[[], None]]:
-    """Add a command, which loads, runs a filter of the package, saves and reports.
+    """Add a command that loads a mesh, runs a filter of the package, saves and reports.
 
-    The docstring of the function below is its help; the filter's parameters are its options, with another one for
-    colours. The progress bar says the verb, `show` prints the report.
+    The docstring of the decorated function is its help; the filter's parameters are its options, with a different
+    default for colours. The verb is for the progress bar; `show` prints the report.
     """
 
     def add(described: Callable[[], None]) -> Callable[[], None]:
@@ -68,7 +68,7 @@ def filter_command(
             json: Json = False,
             **given: object,
         ) -> None:
-            from bezier_filters.meshlab.mesh_files import WITH_FIELDS, format_of
+            from bezier_filters.meshlab.mesh_files import FIELD_SUFFIX, format_of
 
             check_target(target, source, overwrite=overwrite)
             if save_script is not None:  # a step is added to one that is there
@@ -91,7 +91,7 @@ def filter_command(
                 console.print_written(report, printable_path(target))
             for remark in remarks:
                 console.err().print(f"note: {printable_name(target)} is {remark}", markup=False)
-            if report.get("quality") and suffix != WITH_FIELDS:
+            if report.get("quality") and suffix != FIELD_SUFFIX:
                 console.err().print(
                     f"note: {target.suffix} files hold no quality and no bz_* columns; write a PLY file to keep them"
                 )
@@ -103,7 +103,7 @@ def filter_command(
 
 
 def _add_step(script: Path, name: str, given: dict[str, object]) -> None:
-    """Write a filter script with one step more; threads are a matter of the machine, not of the script."""
+    """Append a step to a filter script, without the number of threads, which depends on the machine."""
     before = bf.read_filter_script(script) if script.exists() else []
     bf.save_filter_script(script, [*before, bf.script_step(name, **(given | {"threads": None}))])
 
@@ -139,8 +139,8 @@ def curvature() -> None:
 def torsion() -> None:
     """Set the quality to the principal geodesic torsion (k_max - k_min) / 2.
 
-    It is how much geodesics twist at most, in 1/length; PLY files keep the two directions of it in columns bz_*, and
-    how every fit went. With --colormap Paper it is red where high, blue where medium and green where low.
+    It is the largest torsion of geodesics, in 1/length; PLY files keep its two directions in columns bz_*, and how
+    every fit went. With --colormap Paper it is red where high, blue where medium and green where low.
 
     Example: bezier-filters torsion bunny.ply twisted.ply
     Example: bezier-filters torsion bunny.ply twisted.ply --colormap Paper
@@ -155,10 +155,10 @@ def torsion() -> None:
     show=console.print_smoothing,
 )
 def smooth() -> None:
-    """Take the noise off a mesh and keep its shape, its volume and its edges.
+    """Remove the noise of a mesh and keep its shape, its volume and its edges.
 
-    The noise is learned from the mesh; a clean mesh stays as it is. Vertices keep their order and the faces stay. The
-    report says what the noise was and is, how far vertices moved, and what became of the volume.
+    The noise is learned from the mesh; a clean mesh does not change. Vertices keep their order and the faces stay. The
+    report has the noise before and after, the displacements and the change of the volume.
 
     Example: bezier-filters smooth scan.ply clean.ply
     Example: bezier-filters smooth scan.ply clean.ply --quality displacement --color
@@ -169,8 +169,8 @@ def smooth() -> None:
 def fill_holes() -> None:
     """Fill the holes of a mesh: smooth where the surface is smooth, sharp where it is sharp.
 
-    Old vertices and faces stay the first, unchanged; new ones come after them. A hole is filled whole or left open, and
-    the report says for each how it was filled, or why not. Where open sheets end is no hole, unless --outer-rims.
+    Old vertices and faces come first, unchanged, and new ones after them. A hole is filled completely or left open, and
+    the report says for each how it was filled, or why not. The border of an open sheet is no hole, unless --outer-rims.
 
     Example: bezier-filters fill-holes scan.ply closed.ply --max-edges 300
     Example: bezier-filters fill-holes scan.ply closed.ply --max-diameter 10%
@@ -186,8 +186,8 @@ def creases(
         typer.Argument(
             help="Lines to write, a PLY or OBJ file, or - for the standard output.",
             metavar="LINES.ply",
-            parser=named_path,
-            callback=to_pipe(".ply"),
+            parser=parse_path,
+            callback=pipe_callback(".ply"),
         ),
     ],
     *,

@@ -14,12 +14,12 @@ from bezier_filters.cli.app import (
     Quiet,
     Skip,
     Source,
-    all_from_pipe,
     app,
     check_target,
     examples,
-    named_path,
-    to_pipe,
+    parse_path,
+    pipe_callback,
+    read_pipes,
 )
 from bezier_filters.display import ColorScale
 from bezier_filters.runtime.file_names import printable_name, printable_path, user_path
@@ -32,8 +32,8 @@ Sources = Annotated[
     typer.Argument(
         help="Meshes side by side, for example before and after; - is the standard input.",
         metavar="MESH",
-        parser=named_path,
-        callback=all_from_pipe,
+        parser=parse_path,
+        callback=read_pipes,
     ),
 ]
 
@@ -41,7 +41,7 @@ Sources = Annotated[
 def _picture(context: typer.Context, path: Path) -> Path:
     from bezier_filters.pictures.render import check_picture
 
-    path = to_pipe(".png")(context, path) or path
+    path = pipe_callback(".png")(context, path) or path
     check_picture(path)
     return path
 
@@ -51,7 +51,7 @@ Picture = Annotated[
     typer.Argument(
         help="Picture to write: .png, .jpg, .svg or .pdf; - is a PNG on the standard output.",
         metavar="PICTURE.png",
-        parser=named_path,
+        parser=parse_path,
         callback=_picture,
         is_eager=True,  # where only a mesh is given, the picture is missing
     ),
@@ -101,7 +101,7 @@ def render(
         bool, typer.Option("--directions", help="Draw lines along the principal directions, where these are certain.")
     ] = False,
     size: Annotated[int, typer.Option(help="Largest side of one image in pixels.", min=50, max=4000)] = 600,
-    dpi: Annotated[float, typer.Option(help="Pixels per inch that the file tells.", min=1)] = 100,
+    dpi: Annotated[float, typer.Option(help="Pixels per inch, stored in the file.", min=1)] = 100,
     up: Up = "auto",
     skip: Skip = False,
     overwrite: Overwrite = False,
@@ -113,7 +113,7 @@ def render(
     One mesh has a column for every field. Several have a column each and a row for every field, with the same colours
     for the same quantity; a mesh that lacks the field is grey.
     """
-    from bezier_filters.pictures.field_panels import default_field, field_panels, with_directions
+    from bezier_filters.pictures.field_panels import add_directions, default_field, field_panels
     from bezier_filters.pictures.render import render_panels
 
     check_target(picture, *sources, overwrite=overwrite)
@@ -125,7 +125,7 @@ def render(
         for name in fields:
             row = field_panels(files, name, *colors, histogram=histogram)
             if directions:
-                row = [with_directions(panel, file) for panel, file in zip(row, files, strict=True)]
+                row = [add_directions(panel, file) for panel, file in zip(row, files, strict=True)]
             panels += row
             legend = next((panel for panel in row if panel.values is not None), row[0])
             shown.append({"field": name, "label": legend.label, "unit": legend.unit, "limits": legend.limits})

@@ -1,4 +1,4 @@
-"""The bar that shows what is being done."""
+"""The progress bar."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -11,10 +11,10 @@ from bezier_filters.runtime.parallel import Progress as ProgressCallback
 
 
 class TimeColumn(ProgressColumn):
-    """How long a stage will still take, where that is known, or how long it has taken."""
+    """Remaining time of a stage if known, else elapsed time."""
 
     def render(self, task: Task) -> Text:
-        """In words: a number alone could be either."""
+        """Time with a word that says which of the two it is."""
         left = task.time_remaining
         seconds, word = (task.elapsed or 0.0, "so far") if left is None or task.finished else (left, "left")
         return Text(f"{int(seconds) // 60}:{int(seconds) % 60:02} {word}", style="progress.remaining")
@@ -22,7 +22,7 @@ class TimeColumn(ProgressColumn):
 
 @contextmanager
 def progress_bar(console: Console) -> Iterator[Callable[[str], ProgressCallback]]:
-    """A bar that is gone afterwards: gives what begins a stage, by its name, and returns what moves the bar."""
+    """A transient bar: yields a function that begins a stage, given its name, and returns the stage's callback."""
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), TaskProgressColumn(), TimeColumn())
     with Progress(*columns, console=console, transient=True) as bar:
 
@@ -30,7 +30,7 @@ def progress_bar(console: Console) -> Iterator[Callable[[str], ProgressCallback]
             def move(done: int, total: int) -> None:
                 if done < total:
                     bar.update(bar.task_ids[0], completed=done, total=total)
-                elif bar.tasks[0].total is not None:  # what comes after the last step has no number
+                elif bar.tasks[0].total is not None:  # work after the last step has no known length
                     begin(name)
 
             for task in bar.task_ids:

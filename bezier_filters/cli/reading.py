@@ -1,4 +1,4 @@
-"""What commands say of the rows of a mesh file that are not in the mesh."""
+"""Remarks of commands on rows of a mesh file that are not in the mesh."""
 
 import warnings
 from collections.abc import Iterator
@@ -26,7 +26,7 @@ class FileRemarks:
 
 @contextmanager
 def file_remarks() -> Iterator[FileRemarks]:
-    """Gather the remarks on files that are read in the block; other warnings are shown as always."""
+    """Collect the remarks on files that are read in the block; other warnings are shown as usual."""
     found = FileRemarks()
     with warnings.catch_warnings():
         show = warnings.showwarning

@@ -16,10 +16,10 @@ from bezier_filters.cli.app import (
     app,
     check_target,
     end_with_remarks,
-    from_pipe,
-    named_path,
     options,
-    to_pipe,
+    parse_path,
+    pipe_callback,
+    read_pipe,
 )
 from bezier_filters.errors import CancelledError
 from bezier_filters.parameters import FIT, QUALITY_IN_TILES, SMOOTHING, Parameter, parameters
@@ -42,8 +42,8 @@ BigSource = Annotated[
     typer.Argument(
         help="Binary PLY file of triangles, or an NPY file of vertices; - is the standard input.",
         metavar="BIG.ply",
-        parser=named_path,
-        callback=from_pipe,
+        parser=parse_path,
+        callback=read_pipe,
     ),
 ]
 BigTarget = Annotated[
@@ -51,14 +51,14 @@ BigTarget = Annotated[
     typer.Argument(
         help="PLY file to write, or - for the standard output.",
         metavar="OUT.ply",
-        parser=named_path,
-        callback=to_pipe(".ply"),
+        parser=parse_path,
+        callback=pipe_callback(".ply"),
     ),
 ]
 Faces = Annotated[Path | None, typer.Option(help="NPY file of the faces, if the input is one of the vertices.")]
 Columns = Annotated[list[str] | None, typer.Option("--column", help="Column to write; may be repeated.")]
 
-# what is not as in memory: lengths are no percentages
+# differences from the filters in memory: lengths cannot be percentages
 _CHANGED: dict[str, dict[str, Any]] = {
     "noise": {"kind": "float", "help": "Standard deviation of the noise, a length; learned if left out."},
     "detail": {"kind": "float", "help": "Size of the smallest detail to keep, a length."},
@@ -80,7 +80,7 @@ memory_limit : size, optional
 store : path, optional
     Folder for the tiles; OUT.ply.tiles by default, removed at the end.
 resume : switch, default False
-    Go on with an interrupted run: only what is not done yet.
+    Continue an interrupted run, and compute only missing tiles.
 keep_store : switch, default False
     Leave the tiles there at the end.
 """)
@@ -103,7 +103,7 @@ def curvature(
     from bezier_filters.scale import FitOptions, estimate_file
 
     check_target(target, source, *filter(None, [faces]), overwrite=overwrite)
-    fit = FitOptions(**_taken(given, TILE_FIT))
+    fit = FitOptions(**_pop_fit_options(given, TILE_FIT))
     files = source if faces is None else (source, faces)
     with _resumable(quiet=quiet or json) as progress:
         report = estimate_file(files, target, columns=column, options=fit, progress=progress, **given)
@@ -122,24 +122,24 @@ def smooth(
     json: Json = False,
     **given: Any,
 ) -> None:
-    """Take the noise off, with the vertices that the mesh gets in memory but for a hundredth of the noise.
+    """Remove the noise; vertices differ from the result in memory by at most a hundredth of the noise.
 
     Rings, alpha, degree, smoothness and robust are for the paper's method, which moves every vertex onto its patch.
     """
     from bezier_filters.scale import FitOptions, smooth_file
-    from bezier_filters.scale.smooth import PAPER
+    from bezier_filters.scale.smooth import PAPER_OPTIONS
 
     check_target(target, source, *filter(None, [faces]), overwrite=overwrite)
-    fit = FitOptions(**_taken(given, PAPER_FIT))
+    fit = FitOptions(**_pop_fit_options(given, PAPER_FIT))
     files = source if faces is None else (source, faces)
     with _resumable(quiet=quiet or json) as progress:
-        paper = None if given["method"] == "auto" and fit == PAPER else fit  # else it is refused
+        paper = None if given["method"] == "auto" and fit == PAPER_OPTIONS else fit  # else it is refused
         report = smooth_file(files, target, options=paper, progress=progress, **given)
     _print(report, target, lambda: console.print_noise(report), quiet=quiet, json=json)
 
 
-def _taken(given: dict[str, Any], table: Iterable[Parameter]) -> dict[str, Any]:
-    """What says how to fit, which is removed from what was given."""
+def _pop_fit_options(given: dict[str, Any], table: Iterable[Parameter]) -> dict[str, Any]:
+    """Remove the options of the fit from the given options, and return them."""
     return {parameter.name: given.pop(parameter.name) for parameter in table}
 
 
@@ -160,7 +160,7 @@ def _resumable(*, quiet: bool) -> Iterator[Callable[[str, int, int], None]]:
             stage("reading")
             yield progress
     except KeyboardInterrupt:
-        raise CancelledError("interrupted; give --resume to go on with what is not done yet") from None
+        raise CancelledError("interrupted; give --resume to continue") from None
 
 
 def _print(report: "Report", target: Path, first: Callable[[], None], *, quiet: bool, json: bool) -> None:

@@ -48,8 +48,8 @@ from bezier_filters.kernels.kernel_input import (
     use_smoothed_normals,
 )
 from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
-from bezier_filters.meshes.mesh import TriangleMesh, checked_selection, takes_arrays, triangle_mesh
-from bezier_filters.meshes.spatial_order import as_it_is, in_spatial_order, is_in_turn
+from bezier_filters.meshes.mesh import TriangleMesh, check_selection, takes_arrays, triangle_mesh
+from bezier_filters.meshes.spatial_order import has_locality, identity_order, sort_spatially
 from bezier_filters.meshes.unit_size import normalizes_size
 from bezier_filters.patches.patch_fit import PatchFit
 from bezier_filters.patches.smoothness import Smoothness
@@ -217,9 +217,9 @@ def estimate_vertex_geometry(
     if fold_test != "angle" and (radius is not None or not mesh.face_count):
         raise InvalidParameterError(f"fold_test: got {fold_test!r}; that is for rings of meshes with faces")
     if fallbacks != "sound" and radius is not None:
-        raise InvalidParameterError(f"fallbacks: got {fallbacks!r} and a radius; those of the paper are for rings")
+        raise InvalidParameterError(f"fallbacks: got {fallbacks!r} and a radius; the paper's fallbacks need rings")
     axes = None if x_axis is None else _directions(x_axis, mesh, "x_axis")
-    mask = None if selected is None else checked_selection(selected, mesh.vertex_count)
+    mask = None if selected is None else check_selection(selected, mesh.vertex_count)
 
     request = _FitRequest(
         rings,
@@ -243,7 +243,7 @@ def geometry_where(
 ) -> VertexGeometry:
     """Estimate with automatic choices at vertices (n,) that `select` chooses by the noise, a length."""
     request = _FitRequest(*fit_options("auto", "auto", "auto", "third_order"))
-    return _estimate(mesh, request, select, adjacency=adjacency if is_in_turn(adjacency) else None)
+    return _estimate(mesh, request, select, adjacency=adjacency if has_locality(adjacency) else None)
 
 
 @dataclass(frozen=True)
@@ -276,7 +276,7 @@ def _estimate(
     A mesh whose adjacency is given keeps its order: sorting does not pay if few vertices are selected.
     """
     with first_call():
-        ordered = in_spatial_order(given) if adjacency is None else as_it_is(given)
+        ordered = sort_spatially(given) if adjacency is None else identity_order(given)
         mesh, order = ordered.mesh, ordered.order
         if mesh.face_count:
             arrays, adjacency = prepare_kernel_mesh(mesh, ordered, adjacency, creases=request.fixed is None)
@@ -333,8 +333,8 @@ def _estimate(
             if fit.cleaned:
                 rebase_displacements(arrays.vertices, fitted, ids, geometry)
             if learned is not None:
-                cleaned = ordered.back(fitted.vertices) if fit.cleaned else None
-                cache_fit(key, CachedFit(fit, ordered.back(fitted.barriers), surface, cleaned))
+                cleaned = ordered.restore_order(fitted.vertices) if fit.cleaned else None
+                cache_fit(key, CachedFit(fit, ordered.restore_order(fitted.barriers), surface, cleaned))
         else:
             mask = select(request.noise)
             choice = fit_in_balls(
@@ -446,7 +446,7 @@ def _check_normals(normals: ArrayLike | None, mesh: TriangleMesh) -> FloatArray 
     if normals is None:
         return None
     if mesh.face_count:
-        raise InvalidParameterError("normals: got some for a mesh with faces, whose orientation says what is outside")
+        raise InvalidParameterError("normals: not allowed for a mesh with faces, whose orientation defines the outside")
     return _vectors(normals, mesh, "normals")
 
 

@@ -128,7 +128,7 @@ class Creases:
 
     def __repr__(self) -> str:
         """Numbers of ridges and ravines, on one line."""
-        note = "" if self.tells_crest_lines else "; smooth ones are not told by a fit of degree 2"
+        note = "" if self.tells_crest_lines else "; a fit of degree 2 does not find smooth ones"
         return f"Creases({len(self.of_kind('ridge'))} ridges, {len(self.of_kind('ravine'))} ravines{note})"
 
     def _repr_html_(self) -> str:

@@ -1,4 +1,4 @@
-"""The other files that a mesh file names: only regular files of its own folder, or below it, are opened."""
+"""Files that a mesh file refers to: only regular files in its folder or below are opened."""
 
 import os
 import re
@@ -7,13 +7,13 @@ from pathlib import Path
 
 from bezier_filters.errors import FieldFileError
 
-_LARGEST = 1 << 32  # bytes of a file beside a mesh
-_BLOCK = 1 << 24
+_MAX_COMPANION_BYTES = 1 << 32  # bytes of a companion file
+_COMPANION_BLOCK_BYTES = 1 << 24
 _MATERIALS = re.compile(rb"mtllib[ \t]+([^\r\n\0]+)")
 
 
 def companion(path: Path, name: str) -> Path | None:
-    """The file that a mesh file names, None if there is none; `FieldFileError` if it must not be opened."""
+    """Path of a file that a mesh file names, None if it does not exist; `FieldFileError` if it must not be opened."""
     folder = path.parent.resolve()
     try:
         found = (folder / name).resolve()
@@ -27,21 +27,23 @@ def companion(path: Path, name: str) -> Path | None:
     if status is None:
         return None
     if not stat.S_ISREG(status.st_mode):
-        raise FieldFileError(f"{path} names {name[:80]!r}, which is no regular file")
-    if status.st_size > _LARGEST:
-        raise FieldFileError(f"{path} names the file {name[:80]!r} of {status.st_size} bytes; {_LARGEST} are the limit")
+        raise FieldFileError(f"{path} names {name[:80]!r}, which is not a regular file")
+    if status.st_size > _MAX_COMPANION_BYTES:
+        raise FieldFileError(
+            f"{path} names the file {name[:80]!r} of {status.st_size} bytes; {_MAX_COMPANION_BYTES} are the limit"
+        )
     return found
 
 
 def check_companions(path: Path) -> None:
-    """Refuse an OBJ file whose materials are in something that is there, but is no regular file, such as a pipe."""
+    """Refuse an OBJ file whose material file exists but is not a regular file, for example a pipe."""
     if path.suffix.lower() != ".obj":
         return
     with path.open("rb") as stream:
-        while block := stream.read(_BLOCK):
-            block += stream.readline(_BLOCK)
+        while block := stream.read(_COMPANION_BLOCK_BYTES):
+            block += stream.readline(_COMPANION_BLOCK_BYTES)
             for found in _MATERIALS.finditer(block) if b"mtllib" in block else ():
                 name = os.fsdecode(found[1].strip()).replace("\\", "/")
                 target = path.parent / name
                 if target.exists() and not target.is_file():
-                    raise FieldFileError(f"{path} names the material file {name[:80]!r}, which is no regular file")
+                    raise FieldFileError(f"{path} names the material file {name[:80]!r}, which is not a regular file")

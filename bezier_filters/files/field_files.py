@@ -1,7 +1,7 @@
 """Per-vertex fields in files: read them from PLY or NPZ, save a `VertexGeometry` as NPZ.
 
-pymeshlab writes custom attributes to PLY files but cannot read them back. NumPy reads the block of the vertices and
-never touches the faces; plyfile, which reads lists of corners one by one, is for unusual layouts.
+pymeshlab writes custom attributes to PLY files but cannot read them. NumPy reads the block of vertices without the
+faces; plyfile, which reads lists one by one, is for unusual layouts.
 """
 
 import math
@@ -17,10 +17,10 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from bezier_filters.arguments import in_short, path_of
+from bezier_filters.arguments import brief_repr, path_of
 from bezier_filters.arrays import FloatArray
 from bezier_filters.errors import FieldFileError, InvalidParameterError
-from bezier_filters.fields import CURVATURE, GRADE, PREFIX, QUALITY, TORSION, stored_qualities
+from bezier_filters.fields import CURVATURE, GRADE, PREFIX, QUALITY, TORSION, result_qualities
 from bezier_filters.files.mesh_headers import (
     BYTE_ORDER,
     HEADER_LIMIT,
@@ -37,10 +37,10 @@ from bezier_filters.runtime.atomic import atomic_write
 _DEFLATE_LIMIT = 1032  # largest compression ratio that deflate can reach
 _DAMAGES = (ValueError, OSError, EOFError, RuntimeError, SyntaxError, TokenError, zipfile.BadZipFile, zlib.error)
 _DERIVED = [
-    *sorted(field.source for field in stored_qualities(CURVATURE, TORSION).values()),
+    *sorted(field.source for field in result_qualities(CURVATURE, TORSION).values()),
     GRADE.removeprefix(PREFIX),
 ]
-# what version 0.2.0 and earlier ones wrote in the place of grades: codes, of which 0 was the best
+# columns of versions up to 0.2.0, which wrote codes instead of grades, the best one 0
 _CODES, _RINGS = PREFIX + "fit_status", PREFIX + "rings_used"
 
 
@@ -59,7 +59,7 @@ def read_fields(path: str | os.PathLike[str]) -> dict[str, FloatArray]:
         From PLY: the scalar vertex properties whose names start with ``bz_``, and ``quality``,
         each of shape (n,), whatever their type in the file. From NPZ: every array under its
         plain name, shape (n,) or (n, 3). Status codes in ``bz_fit_status``, which version 0.2.0 wrote, become the
-        grades ``bz_fit_grade`` of `FitStatus`; what is no grade becomes 0, nothing estimated.
+        grades ``bz_fit_grade`` of `FitStatus`; other values become 0, nothing estimated.
 
     Raises
     ------
@@ -90,9 +90,9 @@ def read_fields(path: str | os.PathLike[str]) -> dict[str, FloatArray]:
 
 
 def save_fields(path: str | os.PathLike[str], geometry: VertexGeometry) -> None:
-    """Save every array of a `VertexGeometry` to a compressed NPZ file, whole or not at all.
+    """Save every array of a `VertexGeometry` to a compressed NPZ file, atomically.
 
-    The file has the arrays of the dataclass and what is derived from them, like ``mean_curvature``,
+    The file has the arrays of the dataclass and derived ones such as ``mean_curvature``,
     ``shape_index`` and ``fit_grade``, under these names and with the units and signs of `VertexGeometry`.
     `read_fields` and `numpy.load` read it.
 
@@ -124,7 +124,7 @@ def save_fields(path: str | os.PathLike[str], geometry: VertexGeometry) -> None:
     path_of(path)
     if not isinstance(geometry, VertexGeometry):
         raise InvalidParameterError(
-            f"geometry: got {in_short(geometry)}, expected a VertexGeometry, as of estimate_vertex_geometry; "
+            f"geometry: got {brief_repr(geometry)}, expected a VertexGeometry, as of estimate_vertex_geometry; "
             "numpy.savez(path, **arrays) saves a dict of arrays"
         )
     names = [field.name for field in fields(geometry)] + _DERIVED
@@ -149,7 +149,7 @@ def _read_npz(path: Path, stream: BinaryIO) -> dict[str, FloatArray]:
         with np.load(stream, allow_pickle=False) as arrays:
             return {name: arrays[name].astype(np.float64) for name in arrays.files}
     except _DAMAGES as error:
-        raise FieldFileError(f"{path} is not a whole NPZ file ({error}); write it again with save_fields") from error
+        raise FieldFileError(f"{path} is not a complete NPZ file ({error}); write it again with save_fields") from error
 
 
 def _read_ply(path: Path, stream: BinaryIO, head: bytes) -> dict[str, FloatArray]:
@@ -162,11 +162,11 @@ def _read_ply(path: Path, stream: BinaryIO, head: bytes) -> dict[str, FloatArray
     rows = _read_regular(stream, header)
     if rows is None:
         rows = _read_irregular(path)
-    return _with_grades({name: rows[name].astype(np.float64) for name in names})
+    return _repair_grades({name: rows[name].astype(np.float64) for name in names})
 
 
-def _with_grades(columns: dict[str, FloatArray]) -> dict[str, FloatArray]:
-    """Columns whose column of grades, if there is one, is right for files of every version and every program."""
+def _repair_grades(columns: dict[str, FloatArray]) -> dict[str, FloatArray]:
+    """Make the column of grades valid, if there is one, for files of earlier versions and other programs."""
     if GRADE in columns:
         columns[GRADE] = np.where(are_grades(columns[GRADE]), columns[GRADE], 0.0)
     if _CODES in columns:
@@ -195,9 +195,9 @@ def _field_names(path: Path, header: PlyHeader) -> list[str]:
 
 
 def _read_regular(stream: BinaryIO, header: PlyHeader) -> NDArray[Any] | None:
-    """Vertices, by the names of their columns, of a file laid out as meshes are; None if lists make rows irregular.
+    """Vertices as a structured array, without reading the faces; None if lists make rows irregular.
 
-    Reads no further than the vertices: faces, of any size, cost nothing.
+    Faces behind the vertices cost nothing.
     """
     before, vertex = header.elements[: header.vertex_index], header.elements[header.vertex_index]
     if any(item.length_type for element in before for item in element.properties):
@@ -223,7 +223,7 @@ def _read_regular(stream: BinaryIO, header: PlyHeader) -> NDArray[Any] | None:
 
 
 def _read_irregular(path: Path) -> NDArray[Any]:
-    """Vertices by way of plyfile: slow, but right for every layout, and it names what is wrong."""
+    """Vertices read by plyfile: slow, but correct for every layout, with messages about faults."""
     import plyfile
 
     try:

@@ -1,4 +1,4 @@
-"""A mesh file read in plain Python, to say which row is wrong: slow, so only where something is."""
+"""Mesh files read in plain Python to report which row is wrong; slow, so only for faulty files."""
 
 import warnings
 from collections.abc import Iterator
@@ -12,27 +12,27 @@ from bezier_filters.errors import FieldFileError
 from bezier_filters.files.mesh_headers import (
     CORNERS,
     HEADER_LIMIT,
-    STL_HEADER,
-    STL_TRIANGLE,
+    STL_HEADER_BYTES,
+    STL_TRIANGLE_BYTES,
     is_binary_stl,
     off_counts,
     stl_count,
 )
 from bezier_filters.files.three_ds import read_3ds
 
-_SHOWN = 60  # characters of a row in a message
+_MAX_QUOTED_CHARACTERS = 60  # characters of a row in a message
 _FLOAT_TRIPLE = 3
 
 
 @dataclass
 class FileContents:
-    """Rows of a mesh file in their order, with the places that messages name."""
+    """Rows of a mesh file in order, with their line numbers for messages."""
 
-    vertices: FloatArray  # (n, 3), not finite where the file says so
+    vertices: FloatArray  # (n, 3), possibly not finite
     faces: list[list[int]]  # corners of polygons
-    vertex_places: list[int] = field(default_factory=list)  # lines of a text file, else none
+    vertex_places: list[int] = field(default_factory=list)  # line numbers of a text file, else empty
     face_places: list[int] = field(default_factory=list)
-    welds: bool = False  # whether the reader makes one vertex of those at the same place
+    welds: bool = False  # whether the reader merges coincident vertices
 
     @property
     def is_finite(self) -> BoolArray:
@@ -40,20 +40,20 @@ class FileContents:
         return np.asarray(np.isfinite(self.vertices).all(axis=1))
 
     def vertex_name(self, index: int) -> str:
-        """How a message names a vertex."""
+        """Name of a vertex in messages."""
         line = f" (line {self.vertex_places[index]})" if self.vertex_places else ""
         return f"vertex {index}{line}"
 
     def face_name(self, index: int) -> str:
-        """How a message names a face."""
+        """Name of a face in messages."""
         line = f" (line {self.face_places[index]})" if self.face_places else ""
         return f"face {index}{line}"
 
 
 def read_contents(path: Path) -> FileContents | None:
-    """Read a mesh file, None if it is of no format that is read here.
+    """Read a mesh file, None if the format is not supported here.
 
-    `FieldFileError` names the first row that is not understood or names a vertex that is not there.
+    `FieldFileError` names the first row that cannot be parsed or refers to a missing vertex.
     """
     with path.open("rb") as stream:
         head = stream.read(HEADER_LIMIT)
@@ -87,7 +87,7 @@ def read_contents(path: Path) -> FileContents | None:
 
 
 def _lines(path: Path, *, comments: bool = True) -> Iterator[tuple[int, list[bytes]]]:
-    """Number and words of the lines that have any."""
+    """Number and words of non-empty lines."""
     with path.open("rb") as stream:
         for number, line in enumerate(stream, 1):
             if b"\r" in line.rstrip(b"\r\n"):
@@ -97,7 +97,7 @@ def _lines(path: Path, *, comments: bool = True) -> Iterator[tuple[int, list[byt
 
 
 def _numbers(path: Path, line: int, words: list[bytes]) -> list[float]:
-    """The three coordinates that a row begins with."""
+    """The three coordinates at the beginning of a row."""
     try:
         if any(b"_" in word for word in words[:_FLOAT_TRIPLE]):
             raise ValueError
@@ -110,13 +110,13 @@ def _numbers(path: Path, line: int, words: list[bytes]) -> list[float]:
 
 
 def _integer(word: bytes) -> int:
-    if b"_" in word:  # which Python takes for a separator
+    if b"_" in word:  # a digit separator in Python
         raise ValueError(word)
     return int(word)
 
 
 def _misread(path: Path, line: int, words: list[bytes], expected: str) -> FieldFileError:
-    got = b" ".join(words)[:_SHOWN].decode("ascii", "replace")
+    got = b" ".join(words)[:_MAX_QUOTED_CHARACTERS].decode("ascii", "replace")
     return FieldFileError(f"{path} cannot be relied on: line {line} has {got!r}, expected {expected}")
 
 
@@ -135,8 +135,8 @@ def _read_obj(path: Path) -> FileContents:
             try:
                 corners = [_integer(word.partition(b"/")[0]) for word in words[1:]]
             except ValueError:
-                raise _misread(path, number, words, "numbers of vertices and nothing else") from None
-            # Negative ones count back from here; 0 is none.
+                raise _misread(path, number, words, "vertex indices only") from None
+            # Negative indices count back from here; 0 is invalid.
             face = [k - 1 if k > 0 else len(vertices) + k if k else -1 for k in corners]
             if min(face, default=0) < 0:
                 raise _misread(path, number, words, f"vertices from -{len(vertices)} to -1, or from 1 on")
@@ -160,7 +160,7 @@ def _read_off(path: Path, vertex_count: int, face_count: int, header_lines: int)
             try:
                 size, *corners = (_integer(word) for word in words[: _integer(words[0]) + 1])
             except ValueError:
-                raise _misread(path, number, words, "a number of corners and those") from None
+                raise _misread(path, number, words, "a number of corners and the corners") from None
             if size > len(corners):
                 raise FieldFileError(
                     f"{path} is cut short or has faces over several lines: line {number} announces {size} corners, but "
@@ -201,9 +201,9 @@ def _read_points(path: Path, suffix: str) -> FileContents:
 
 def _read_binary_stl(path: Path, count: int) -> FileContents:
     with path.open("rb") as stream:
-        stream.seek(STL_HEADER)
+        stream.seek(STL_HEADER_BYTES)
         rows = np.fromfile(stream, [("numbers", "<f4", 12), ("attribute", "<u2")], count)
-    assert rows.dtype.itemsize == STL_TRIANGLE
+    assert rows.dtype.itemsize == STL_TRIANGLE_BYTES
     return _soup(rows["numbers"][:, 3:].reshape(-1, 3).astype(np.float64), [])
 
 
@@ -212,7 +212,7 @@ def _read_text_stl(path: Path) -> FileContents:
     for number, words in _lines(path, comments=False):
         name = words[0].lower()
         if name == b"vertex":
-            # Single precision is what readers make of it.
+            # Readers use single precision.
             corners.append([float(np.float32(value)) for value in _numbers(path, number, words[1:])])
         elif name == b"facet":
             open_since = number
@@ -230,7 +230,7 @@ def _read_text_stl(path: Path) -> FileContents:
 
 
 def _soup(corners: FloatArray, places: list[int]) -> FileContents:
-    """Triangles of a file without indices: their corners (3 m, 3), welded where they are the same."""
+    """Triangles of a file without indices: corners (3 m, 3), with coincident ones merged."""
     unique, index = np.unique(corners + 0.0, axis=0, return_inverse=True, equal_nan=True)
     return FileContents(unique, index.reshape(-1, 3).tolist(), [], places, welds=True)
 

@@ -8,11 +8,11 @@ from xml.etree import ElementTree
 from xml.parsers import expat
 from xml.sax.saxutils import quoteattr
 
-from bezier_filters.arguments import in_short, path_of
+from bezier_filters.arguments import brief_repr, path_of
 from bezier_filters.errors import InvalidScriptError
 from bezier_filters.runtime.atomic import atomic_write
 
-_LARGEST = 16 * 2**20  # bytes; scripts have a few thousand
+_MAX_SCRIPT_BYTES = 16 * 2**20  # bytes; scripts have a few thousand
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ def read_filter_script(path: str | os.PathLike[str]) -> list[ScriptStep]:
     Raises
     ------
     InvalidScriptError
-        If the file is no filter script; the message says where it goes wrong. Scripts that declare entities are
+        If the file is not a filter script; the message names the fault. Scripts that declare entities are
         refused.
     OSError
         If it cannot be read.
@@ -55,7 +55,7 @@ def read_filter_script(path: str | os.PathLike[str]) -> list[ScriptStep]:
 
 
 def _steps(data: bytes) -> list[ScriptStep]:
-    if len(data) > _LARGEST:
+    if len(data) > _MAX_SCRIPT_BYTES:
         raise InvalidScriptError(f"it has {len(data):,} bytes")
     tree, parser = ElementTree.TreeBuilder(), expat.ParserCreate()
     parser.StartElementHandler, parser.EndElementHandler = tree.start, tree.end
@@ -66,11 +66,11 @@ def _steps(data: bytes) -> list[ScriptStep]:
         raise InvalidScriptError(f"the outermost element is <{root.tag}>, expected <FilterScript>")
     steps = []
     for element in root:
-        name, parameters = _checked_name("FilterScript", element, "filter", "xmlfilter"), dict[str, dict[str, str]]()
+        name, parameters = _element_name("FilterScript", element, "filter", "xmlfilter"), dict[str, dict[str, str]]()
         for child in element:
-            parameter = _checked_name(element.tag, child, "Param", "xmlparam")
+            parameter = _element_name(element.tag, child, "Param", "xmlparam")
             for below in child:
-                _checked_name(child.tag, below)
+                _element_name(child.tag, below)
             if parameter in parameters:
                 raise InvalidScriptError(f"the filter {name!r} has two parameters {parameter!r}")
             parameters[parameter] = {key: value for key, value in child.attrib.items() if key != "name"}
@@ -78,7 +78,7 @@ def _steps(data: bytes) -> list[ScriptStep]:
     return steps
 
 
-def _checked_name(parent: str, element: ElementTree.Element, *tags: str) -> str:
+def _element_name(parent: str, element: ElementTree.Element, *tags: str) -> str:
     if element.tag not in tags:
         raise InvalidScriptError(f"an element <{element.tag}> within <{parent}>, expected <filter> and <Param>")
     if not element.get("name"):
@@ -91,7 +91,7 @@ def _refuse_entity(name: str, *_: object) -> None:
 
 
 def save_filter_script(path: str | os.PathLike[str], steps: Sequence[ScriptStep]) -> None:
-    """Write a filter script, whole or not at all.
+    """Write a filter script atomically.
 
     MeshLab opens it; it runs the steps that are its own filters. `run_filter_script` runs all of them.
 
@@ -109,13 +109,13 @@ def save_filter_script(path: str | os.PathLike[str], steps: Sequence[ScriptStep]
     """
     path_of(path)
     if not (isinstance(steps, Sequence) and all(isinstance(step, ScriptStep) for step in steps)):
-        raise InvalidScriptError(f"steps: got {in_short(steps)}, expected a list of ScriptStep; see script_step")
+        raise InvalidScriptError(f"steps: got {brief_repr(steps)}, expected a list of ScriptStep; see script_step")
     with atomic_write(path) as temporary:
         Path(temporary).write_text(script_text(steps), encoding="utf-8")
 
 
 def script_text(steps: Sequence[ScriptStep]) -> str:
-    """What a file of a filter script says."""
+    """Text of a filter script file."""
     lines = ["<!DOCTYPE FilterScript>", "<FilterScript>"]
     for step in steps:
         lines.append(f" <filter name={quoteattr(step.name)}>")

@@ -1,7 +1,7 @@
-"""glTF files, as text or binary, looked through before pymeshlab's reader, which takes what they say on trust.
+"""Validation of glTF files, text or binary, before pymeshlab's reader, which trusts them.
 
-It reads or writes beyond its memory for lines and strips, indices wherever they point, buffers that end early, and
-nodes in circles; and it opens whatever path a file names.
+That reader accesses memory out of bounds for lines and strips, indices out of range, truncated buffers and cycles of
+nodes, and opens any path that a file names.
 """
 
 import base64
@@ -19,14 +19,19 @@ from numpy.typing import NDArray
 from bezier_filters.errors import FieldFileError
 from bezier_filters.files.companions import companion
 
-_POINTS, _TRIANGLES = 0, 4  # of the modes
+_POINT_MODE, _TRIANGLE_MODE = 0, 4  # primitive modes, indices of the next table
 _MODES = ("points", "lines", "a loop of lines", "a strip of lines", "triangles", "a strip of triangles", "a fan")
 _COMPONENTS = {5120: "i1", 5121: "u1", 5122: "i2", 5123: "u2", 5125: "u4", 5126: "f4"}
 _INDEX_COMPONENTS = (5121, 5123, 5125)
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
-_MAGIC, _HEADER, _CHUNK_HEADER = b"glTF", 12, 8
+_MAGIC, _GLB_HEADER_BYTES, _GLB_CHUNK_HEADER_BYTES = b"glTF", 12, 8
 _DATA_URI = "data:"
-_LOOKS = ("KHR_materials", "KHR_texture", "KHR_lights", "EXT_texture")  # extensions that change no geometry
+_APPEARANCE_EXTENSIONS = (
+    "KHR_materials",
+    "KHR_texture",
+    "KHR_lights",
+    "EXT_texture",
+)  # extensions that change no geometry
 
 
 @dataclass(frozen=True)
@@ -40,7 +45,7 @@ class _Scene:
     def table(self, index: int) -> NDArray[Any]:
         """The numbers of an accessor, (count, width)."""
         accessor = self.content["accessors"][index]
-        if "sparse" in accessor:  # the reader ignores the values that replace some of the others
+        if "sparse" in accessor:  # the reader ignores the substituted values
             raise FieldFileError(f"{self.path} has sparse accessors, which cannot be read")
         view = self.content["bufferViews"][accessor["bufferView"]]
         data = self.buffers[view["buffer"]]
@@ -56,19 +61,19 @@ class _Scene:
 
 
 def check_gltf(path: Path) -> int | None:
-    """Vertices of the scene; `FieldFileError` if it opens other files than it may or is not of whole triangles.
+    """Number of vertices of the scene; `FieldFileError` for forbidden files and primitives other than triangles.
 
-    None if the file is not understood: its reader has to judge.
+    None if the file cannot be parsed, which is left to its reader.
     """
     content, chunk = path.read_bytes(), b""
     try:
         if content.startswith(_MAGIC):
-            start = _HEADER + _CHUNK_HEADER
-            (size,) = struct.unpack_from("<I", content, _HEADER)
-            content, chunk = content[start : start + size], content[start + size + _CHUNK_HEADER :]
+            start = _GLB_HEADER_BYTES + _GLB_CHUNK_HEADER_BYTES
+            (size,) = struct.unpack_from("<I", content, _GLB_HEADER_BYTES)
+            content, chunk = content[start : start + size], content[start + size + _GLB_CHUNK_HEADER_BYTES :]
         scene = _Scene(path, json.loads(content), {})
         for extension in scene.content.get("extensionsRequired", []):
-            if not extension.startswith(_LOOKS):
+            if not extension.startswith(_APPEARANCE_EXTENSIONS):
                 raise FieldFileError(f"{path} requires the extension {extension}, which cannot be read")
         for index, buffer in enumerate(scene.content.get("buffers", [])):
             scene.buffers[index] = _buffer(path, buffer, chunk)
@@ -78,7 +83,7 @@ def check_gltf(path: Path) -> int | None:
         nodes = scene.content.get("nodes", [])
         order = list(TopologicalSorter({k: node.get("children", []) for k, node in enumerate(nodes)}).static_order())
         counts = [
-            sum(_checked_vertices(scene, primitive) for primitive in mesh["primitives"])
+            sum(_count_vertices(scene, primitive) for primitive in mesh["primitives"])
             for mesh in scene.content.get("meshes", [])
         ]
         roots = scene.content["scenes"][scene.content.get("scene", 0)].get("nodes", [])
@@ -86,7 +91,7 @@ def check_gltf(path: Path) -> int | None:
     except FieldFileError:
         raise
     except CycleError as error:
-        raise FieldFileError(f"{path} has nodes that are inside themselves") from error
+        raise FieldFileError(f"{path} has a cycle of nodes") from error
     except (ValueError, KeyError, IndexError, TypeError, AttributeError, struct.error, RecursionError):
         return None
 
@@ -97,15 +102,15 @@ def _buffer(path: Path, buffer: dict[str, Any], chunk: bytes) -> bytes:
         return chunk
     if uri.startswith(_DATA_URI):
         return base64.b64decode(uri.partition(",")[2])
-    beside = companion(path, unquote(uri))
-    if beside is None:
-        raise FieldFileError(f"{path} needs the file {unquote(uri)}, which is not beside it")
-    with beside.open("rb") as stream:
+    neighbour_file = companion(path, unquote(uri))
+    if neighbour_file is None:
+        raise FieldFileError(f"{path} needs the file {unquote(uri)}, which is missing from its folder")
+    with neighbour_file.open("rb") as stream:
         return stream.read(buffer["byteLength"])
 
 
 def _vertices_below(nodes: list[dict[str, Any]], order: list[int], roots: list[int], counts: list[int]) -> int:
-    """Vertices of the meshes of all nodes that the roots lead to, as often as they do."""
+    """Number of vertices of the meshes of all nodes below the roots, with repetitions."""
     below = dict[int, int]()
     for index in order:  # children come first
         node = nodes[index]
@@ -114,10 +119,10 @@ def _vertices_below(nodes: list[dict[str, Any]], order: list[int], roots: list[i
     return sum(below[root] for root in roots)
 
 
-def _checked_vertices(scene: _Scene, primitive: dict[str, Any]) -> int:
-    """Number of vertices of a primitive that consists of whole triangles of them, or of points."""
-    mode = primitive.get("mode", _TRIANGLES)
-    if mode not in (_POINTS, _TRIANGLES):
+def _count_vertices(scene: _Scene, primitive: dict[str, Any]) -> int:
+    """Number of vertices of a primitive, which must consist of whole triangles, or of points."""
+    mode = primitive.get("mode", _TRIANGLE_MODE)
+    if mode not in (_POINT_MODE, _TRIANGLE_MODE):
         raise FieldFileError(f"{scene.path} holds {_MODES[mode]}; only points and separate triangles can be read")
     tables = {name: scene.table(index) for name, index in primitive["attributes"].items()}
     if tables["POSITION"].dtype != np.float32:
@@ -133,7 +138,7 @@ def _checked_vertices(scene: _Scene, primitive: dict[str, Any]) -> int:
         corners = len(indices)
         if corners and indices.max() >= vertices:
             raise FieldFileError(f"{scene.path} has faces on vertices that are not in it")
-    if mode == _TRIANGLES and corners % 3:
+    if mode == _TRIANGLE_MODE and corners % 3:
         raise FieldFileError(f"{scene.path} has {corners} corners of triangles, which is not a multiple of 3")
     bad = np.flatnonzero(~np.isfinite(tables["POSITION"]).all(axis=1))
     if len(bad):

@@ -1,4 +1,4 @@
-"""What a reader lost of a mesh file: the counts of both are compared, and the rows that explain a difference named."""
+"""Rows of a mesh file that its reader lost, found by comparing counts."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,22 +10,22 @@ from bezier_filters.errors import FieldFileError
 from bezier_filters.files.file_contents import FileContents, read_contents
 from bezier_filters.files.mesh_counts import MeshCounts
 
-_LISTED = 5  # rows that a message names one by one
+_MAX_LISTED_ROWS = 5  # rows that a message lists
 
 
 @dataclass(frozen=True)
 class LostRows:
-    """What a mesh lacks that its file has."""
+    """Rows of a file that are missing from its mesh."""
 
-    kept: BoolArray | None = None  # vertices of the file that the mesh has, in their order; None if it has all
-    notes: tuple[str, ...] = ()  # on what holds nothing, or was to be left out
+    kept: BoolArray | None = None  # mask of the vertices of the file that are in the mesh; None for all
+    notes: tuple[str, ...] = ()  # on rows that hold nothing, or that were to be skipped
     warnings: tuple[str, ...] = ()
 
 
 def find_lost_rows(path: Path, promised: MeshCounts, vertices: int, faces: int, *, skip: bool) -> LostRows:
-    """Compare a file with the numbers of vertices and triangles that came in.
+    """Compare a file with the numbers of vertices and triangles that were read.
 
-    `FieldFileError` if vertices are lost, except those without finite coordinates where these are to be skipped.
+    `FieldFileError` if vertices are lost, except vertices without finite coordinates if these are to be skipped.
     """
     losses = [promised.surplus] if promised.surplus else []
     if not promised.is_odd and promised.vertices in (None, vertices) and promised.faces in (None, faces):
@@ -58,18 +58,18 @@ def _counts(path: Path, what: str, promised: int | None, found: int) -> str:
 
 def _not_finite(path: Path, contents: FileContents) -> str:
     bad = np.flatnonzero(~contents.is_finite)
-    names = ", ".join(contents.vertex_name(int(index)) for index in bad[:_LISTED])
-    more = f" and {len(bad) - _LISTED} more" if len(bad) > _LISTED else ""
+    names = ", ".join(contents.vertex_name(int(index)) for index in bad[:_MAX_LISTED_ROWS])
+    more = f" and {len(bad) - _MAX_LISTED_ROWS} more" if len(bad) > _MAX_LISTED_ROWS else ""
     return f"{path} has vertices without finite coordinates: {names}{more}; skip=True leaves them and their faces out"
 
 
 def _triangles(contents: FileContents, is_finite: BoolArray) -> tuple[int, int, int]:
-    """Triangles that polygons on finite vertices are cut into, those that others may leave, and faces without any."""
+    """Triangles of polygons on finite vertices, triangles that other polygons may yield, and faces without any."""
     count = uncertain = without_area = 0
     all_finite = bool(is_finite.all())
     for face in contents.faces:
         if not all_finite and not all(is_finite[corner] for corner in face):
-            uncertain += max(len(face) - 3, 0)  # readers that cut before they look keep those of other corners
+            uncertain += max(len(face) - 3, 0)  # some readers triangulate first and keep part of such polygons
         elif len(set(face)) < 3:
             without_area += 1
         else:

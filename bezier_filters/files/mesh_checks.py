@@ -1,4 +1,4 @@
-"""All that is looked at in a mesh file before its reader gets it."""
+"""All checks of a mesh file before it is read."""
 
 from pathlib import Path
 
@@ -10,7 +10,7 @@ from bezier_filters.files.mesh_headers import check_header
 
 
 def check_mesh_file(path: Path) -> MeshCounts:
-    """What a file promises; `FieldFileError` if it cannot hold that, or opens other files than it may."""
+    """Counts that a file announces; `FieldFileError` if it cannot hold them, or refers to forbidden files."""
     if path.suffix.lower() in (".gltf", ".glb"):
         return MeshCounts(check_gltf(path))
     check_header(path)

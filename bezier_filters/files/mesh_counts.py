@@ -1,7 +1,7 @@
-"""How many vertices and triangles a mesh file promises, which is compared with what a reader makes of it.
+"""Numbers of vertices and triangles that a mesh file announces, to be compared with the numbers that were read.
 
-Counting is quick next to reading. Where the numbers differ, or a character is where no number can have it,
-`file_contents` reads the file in plain Python and finds the row.
+Counting is fast compared to reading. Where the numbers differ, or a row is malformed, `file_contents` reads the file
+in plain Python and finds the row.
 """
 
 from dataclasses import dataclass
@@ -13,8 +13,8 @@ from bezier_filters.errors import FieldFileError
 from bezier_filters.files.mesh_headers import (
     CORNERS,
     HEADER_LIMIT,
-    STL_HEADER,
-    STL_TRIANGLE,
+    STL_HEADER_BYTES,
+    STL_TRIANGLE_BYTES,
     PlyElement,
     PlyHeader,
     is_binary_stl,
@@ -26,18 +26,18 @@ from bezier_filters.files.number_rows import TextBlock, sections, text_blocks
 from bezier_filters.files.ply_corners import read_face_rows
 from bezier_filters.files.three_ds import count_3ds
 
-_TRIANGLE = 3
+_TRIANGLE_CORNERS = 3
 _GRID_WORDS = (b"ncols", b"nrows")  # first words of rasters, whose rows are heights in lines of the grid
 
 
 @dataclass(frozen=True)
 class MeshCounts:
-    """What a file promises; None where that cannot be counted."""
+    """Counts that a file announces; None where they cannot be counted."""
 
     vertices: int | None = None
-    faces: int | None = None  # triangles, polygons being cut
-    is_odd: bool = False  # whether a row cannot be what it should be, or has to be looked at
-    surplus: str = ""  # a remark on rows that the file has, but does not announce, or on an end that it lacks
+    faces: int | None = None  # triangles, after triangulation of polygons
+    is_odd: bool = False  # whether a row is malformed, or has to be checked
+    surplus: str = ""  # a remark on rows beyond the announced ones, or on a missing end
 
 
 def count_mesh(path: Path) -> MeshCounts:
@@ -58,7 +58,7 @@ def count_mesh(path: Path) -> MeshCounts:
     if suffix == ".ply":
         try:
             header = parse_header(path, head)
-        except FieldFileError:  # not understood: its reader has to judge
+        except FieldFileError:  # left to its reader
             return MeshCounts()
         return _count_ply(path, header)
     return MeshCounts()
@@ -71,19 +71,21 @@ def _count_obj(path: Path) -> MeshCounts:
         first, second = block.heads.T
         is_record = (second == ord(" ")) | (second == ord("\t"))
         is_vertex, is_face = is_record & (first == ord("v")), is_record & (first == ord("f"))
-        # Long ago it was the only end of a line.
+        # Bare carriage returns were line ends on old systems.
         is_odd |= b"\r" in block.text and block.text.count(b"\r") > block.text.count(b"\r\n")
         vertices += int(np.count_nonzero(is_vertex))
         if is_vertex.any():
             is_odd |= block.has_odd(is_vertex, heads=2)
         if is_face.any():
             lines = block.chosen(is_face)
-            faces += lines.word_count() - _TRIANGLE * len(lines)  # the f, and two corners more than triangles
+            faces += lines.word_count() - _TRIANGLE_CORNERS * len(lines)  # an f, and two corners more than triangles
             is_odd = is_odd or lines.has_odd(integers=True, heads=2)
-            if not is_odd and lines.word_count() != (_TRIANGLE + 1) * len(lines):  # its reader looks at triangles
+            if not is_odd and lines.word_count() != (_TRIANGLE_CORNERS + 1) * len(
+                lines
+            ):  # its reader looks at triangles
                 corners = lines.integers()
                 highest = max(highest, int(corners.max(initial=0)))
-                # Negative ones count back from here, more or less.
+                # Negative indices count back from about here.
                 is_odd = bool((corners == 0).any()) or int(corners.min(initial=0)) < -vertices
     return MeshCounts(vertices, faces, is_odd or highest > vertices)
 
@@ -102,7 +104,7 @@ def _count_points(path: Path, suffix: str) -> MeshCounts:
                 start = int(np.argmax(np.isin(rows.heads[:, 0], np.frombuffer(b"0123456789+-.", np.uint8))))
             rows = rows.lines(start, len(rows))
         count += len(rows)
-        is_odd |= rows.has_odd() or rows.word_count() < _TRIANGLE * len(rows)
+        is_odd |= rows.has_odd() or rows.word_count() < _TRIANGLE_CORNERS * len(rows)
     is_odd |= announced not in (None, count)
     return MeshCounts(count, 0, is_odd)
 
@@ -117,8 +119,8 @@ def _count_off(path: Path, head: bytes) -> MeshCounts:
     for section, block in sections(text_blocks(path, offset), announced):
         rows[section] += len(block)
         if section == 0:
-            is_odd |= block.has_odd() or block.word_count() < _TRIANGLE * len(block)
-            if is_plain and not is_odd and block.word_count() != _TRIANGLE * len(block):
+            is_odd |= block.has_odd() or block.word_count() < _TRIANGLE_CORNERS * len(block)
+            if is_plain and not is_odd and block.word_count() != _TRIANGLE_CORNERS * len(block):
                 raise FieldFileError(
                     f"{path} has vertices of more than three numbers; where these are colours, its first line is COFF"
                 )
@@ -136,9 +138,9 @@ def _count_off(path: Path, head: bytes) -> MeshCounts:
 
 
 def _count_stl(path: Path, head: bytes) -> MeshCounts:
-    """The triangles; vertices are where corners of triangles are the same."""
+    """Count triangles; the number of vertices depends on coincident corners."""
     if is_binary_stl(head):
-        announced, held = stl_count(head), (path.stat().st_size - STL_HEADER) // STL_TRIANGLE
+        announced, held = stl_count(head), (path.stat().st_size - STL_HEADER_BYTES) // STL_TRIANGLE_BYTES
         surplus = f"{path} holds {held} triangles, but its header announces {announced}" if held > announced else ""
         return MeshCounts(None, announced, surplus=surplus)
     facets = corners = ends = solids = 0
@@ -153,11 +155,11 @@ def _count_stl(path: Path, head: bytes) -> MeshCounts:
         is_vertex = np.isin(first, (ord("v"), ord("V"))) & np.isin(second, (ord("e"), ord("E")))
         is_odd |= block.has_odd(is_vertex, heads=len("vertex"))
     surplus = "" if solids else f"{path} has no endsolid after its last facet: it may have been cut short"
-    return MeshCounts(None, facets, is_odd or not facets == ends == corners / _TRIANGLE, surplus)
+    return MeshCounts(None, facets, is_odd or not facets == ends == corners / _TRIANGLE_CORNERS, surplus)
 
 
 def _count_ply(path: Path, header: PlyHeader) -> MeshCounts:
-    """Of elements with one list, the corners are all that has no known size."""
+    """Count rows and corners; of elements with one list, only the corners have no known size."""
     counts = {element.name: element.count for element in header.elements}
     vertices, faces = counts.get("vertex", 0), counts.get("face", 0)
     lists = [item for element in header.elements for item in element.properties if item.length_type]
@@ -212,7 +214,7 @@ def _rows_left(path: Path, rows: int) -> str:
 
 
 def _are_lists_below(block: TextBlock, limit: int, *, more: bool = False) -> bool:
-    """Whether each row is a length and so many integers from 0 to below a limit, with `more` or nothing behind."""
+    """Whether each row is a length and that many integers in [0, limit), followed by nothing unless `more`."""
     words = block.words_per_line()
     has_reals = any(sign in block.text for sign in (b".", b"e", b"E"))  # colours
     numbers = np.fromstring(block.text, sep=" ") if has_reals else block.integers()

@@ -1,7 +1,7 @@
-"""Rows of numbers in text files, counted in blocks of bytes: no line becomes a Python object.
+"""Rows of numbers in text files, counted in blocks of bytes without Python objects for lines.
 
-Reading a mesh takes some 50 ns for each byte of text; this takes 2. It says how many rows and numbers there are and
-whether a character occurs that no number has. What exactly is wrong is for `file_contents` to find.
+Reading a mesh takes about 50 ns per byte of text; this takes 2. It counts rows and numbers and detects characters that
+no number has; `file_contents` finds the exact fault.
 """
 
 import re
@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from bezier_filters.arrays import BoolArray, IntArray
 
-_BLOCK = 1 << 20
-_LONGEST_INDEX = 9  # digits: more may overflow 32 bits
+_TEXT_BLOCK_BYTES = 1 << 20
+_MAX_INDEX_DIGITS = 9  # more digits may overflow 32 bits
 # classes of characters
 _DIGIT, _SIGN, _POINT, _EXPONENT, _SLASH, _OTHER, _SPACE, _NEWLINE = range(8)
 _CLASSES = bytearray([_OTHER] * 256)
@@ -31,7 +31,7 @@ for _class, _characters in {
     for _character in _characters:
         _CLASSES[_character] = _class
 _TABLE = bytes(_CLASSES)
-# of two classes that follow each other, 8 times the first plus the second: whether no number has them
+# marks pairs of consecutive classes that no number has, at 8 times the first plus the second
 _ENDS = (_SLASH, _SPACE, _NEWLINE)
 _NO_PAIRS = bytearray(256)
 for _class, _others in {
@@ -55,7 +55,7 @@ class TextBlock:
 
     text: bytes
     classes: np.ndarray[tuple[int], np.dtype[np.uint8]]
-    starts: NDArray[np.intp]  # place of the first byte of each line
+    starts: NDArray[np.intp]  # offset of the first byte of each line
 
     def __len__(self) -> int:
         """Number of lines."""
@@ -68,7 +68,7 @@ class TextBlock:
         return np.stack([content[self.starts], content[np.minimum(self.starts + 1, len(content) - 1)]], axis=1)
 
     def word_starts(self) -> BoolArray:
-        """Where a word begins, for each byte."""
+        """Mask of the first bytes of words."""
         is_space = self.classes >= _SPACE
         result = ~is_space
         result[1:] &= is_space[:-1]
@@ -85,9 +85,9 @@ class TextBlock:
         return result
 
     def has_odd(self, is_looked_at: BoolArray | None = None, *, integers: bool = False, heads: int = 0) -> bool:
-        """Whether a word in some lines, after so many characters at the beginning of each, can be no number.
+        """Whether any word in some lines is not a number, not counting `heads` characters at the start of each line.
 
-        Integers, which may have slashes between them, also have no point, no exponent and nine digits at most.
+        Integers may have slashes between them, but no point, no exponent and at most nine digits.
         """
         is_odd = self.classes == _OTHER
         if integers:
@@ -103,13 +103,13 @@ class TextBlock:
         return bool(len(places)) or (integers and self.has_long_number())
 
     def _is_misspelt(self) -> BoolArray:
-        """Where signs, points and exponents are that no number can have there, for each byte."""
+        """Mask of signs, points and exponents at places where no number has them."""
         pairs = self.classes.copy()  # each class with the one before, and an end behind the last
         pairs[1:] += 8 * self.classes[:-1]
         pairs[:1] += 8 * _NEWLINE
         result = np.frombuffer(bytearray(pairs.tobytes().translate(_PAIRS)), np.bool_)
         result[-1:] |= np.isin(self.classes[-1:], (_SIGN, _EXPONENT))
-        # A number has one point, and one exponent behind it: between two others there is a space.
+        # A number has at most one point, before at most one exponent.
         left = self.classes.tobytes().translate(None, _BETWEEN)
         if any(pair in left for pair in _TWICE):
             places = np.flatnonzero((self.classes == _POINT) | (self.classes == _EXPONENT) | (self.classes >= _SPACE))
@@ -121,21 +121,21 @@ class TextBlock:
         return result
 
     def has_long_number(self) -> bool:
-        """Whether there are more digits in a row than an index can have."""
+        """Whether there are more consecutive digits than in any index."""
         run, length = self.classes <= _SIGN, 1
-        while length <= _LONGEST_INDEX and len(run):
-            step = min(length, _LONGEST_INDEX + 1 - length)
+        while length <= _MAX_INDEX_DIGITS and len(run):
+            step = min(length, _MAX_INDEX_DIGITS + 1 - length)
             run, length = run[:-step] & run[step:], length + step
         return bool(run.any())
 
     def integers(self) -> NDArray[np.int64]:
-        """The integers, of nine digits at most, but those behind a slash, in their order."""
+        """The integers, of at most nine digits, in order, except after a slash."""
         content, is_digit = np.frombuffer(self.text, np.uint8), self.classes == _DIGIT
         is_last = is_digit.copy()
         is_last[:-1] &= ~is_digit[1:]
         places = np.flatnonzero(is_last)
         numbers, power = np.zeros(len(places), np.int64), 1
-        rest = np.arange(len(places))  # numbers that have digits left, from the last on
+        rest = np.arange(len(places))  # numbers with more digits, which are read backwards
         while len(rest):
             numbers[rest] += power * (content[places[rest]].astype(np.int64) - ord("0"))
             places[rest] -= 1
@@ -161,32 +161,32 @@ class TextBlock:
         return _block(text)
 
     def rows(self) -> "TextBlock":
-        """The lines that are neither empty nor comments."""
+        """The lines except empty ones and comments."""
         return self.chosen(~np.isin(self.heads[:, 0], np.frombuffer(b"#\r\n\v\f", np.uint8)))
 
 
 def text_blocks(path: Path, offset: int = 0, *, continued: bool = False, commas: bool = False) -> Iterator[TextBlock]:
-    """A text file from a place on, in blocks of whole lines.
+    """A text file from an offset on, in blocks of whole lines.
 
-    Where lines may be `continued`, a backslash at the end of a line and the end itself count as spaces; `commas` may
-    stand for spaces, too.
+    If lines may be `continued`, a backslash at the end of a line and the line end count as spaces; with `commas`, so
+    do commas.
     """
     with path.open("rb") as stream:
         stream.seek(offset)
         rest = b""
-        while data := stream.read(_BLOCK):
+        while data := stream.read(_TEXT_BLOCK_BYTES):
             data = rest + (data.replace(b",", b" ") if commas else data)
             end = data.rfind(b"\n") + 1
             while continued and end and data[:end].rstrip(b"\r\n").endswith(b"\\"):
                 end = data.rfind(b"\n", 0, end - 1) + 1
             rest = data[end:]
             if end:
-                yield _block(_joined(data[:end]) if continued else data[:end])
+                yield _block(_join_lines(data[:end]) if continued else data[:end])
         if rest:
-            yield _block(_joined(rest) if continued else rest)
+            yield _block(_join_lines(rest) if continued else rest)
 
 
-def _joined(text: bytes) -> bytes:
+def _join_lines(text: bytes) -> bytes:
     return text.replace(b"\\\r\n", b"   ").replace(b"\\\n", b"  ") if b"\\" in text else text
 
 
@@ -201,9 +201,9 @@ def _block(text: bytes) -> TextBlock:
 
 
 def sections(blocks: Iterator[TextBlock], counts: list[int]) -> Iterator[tuple[int, TextBlock]]:
-    """The rows of sections that have so many rows each, in pieces, after the index of the section.
+    """Rows of sections with given counts, in pieces, after the index of the section.
 
-    What comes after the last of them has the index ``len(counts)``.
+    Rows after the last section have the index ``len(counts)``.
     """
     index, left = 0, counts[0] if counts else 0
     for block in blocks:

@@ -1,6 +1,6 @@
-"""The corners of faces in binary PLY files, row by row, as faces may have any number of them.
+"""Corners of faces in binary PLY files, row by row, as faces may have any number of corners.
 
-pymeshlab looks at the corners of triangles; those of other faces it follows out of its memory.
+pymeshlab checks the corners of triangles only; those of other faces may lead it out of bounds.
 """
 
 from dataclasses import dataclass
@@ -19,16 +19,16 @@ _BIG = ">"
 
 @dataclass(frozen=True)
 class FaceRows:
-    """What the rows of the faces hold."""
+    """Contents of the rows of faces."""
 
-    triangles: int  # that they are cut into
-    bytes_left: int  # of the file, behind its last row
+    triangles: int  # after triangulation
+    bytes_left: int  # bytes behind the last row of the file
 
 
 def read_face_rows(path: Path, header: PlyHeader) -> FaceRows:
-    """Walk through the faces of a binary file, whose only list is that of their corners.
+    """Read the faces of a binary file with no list but the corners.
 
-    `FieldFileError` if one of them is no vertex.
+    `FieldFileError` if a corner is out of range.
     """
     data = np.fromfile(path, np.uint8)
     start, triangles = header.size, 0
@@ -49,7 +49,7 @@ def read_face_rows(path: Path, header: PlyHeader) -> FaceRows:
 
 
 def check_corners(path: Path, corners: NDArray[Any], rows: NDArray[np.intp], vertices: int) -> None:
-    """Refuse corners (k, size) of faces, whose rows in the file are given, that are no vertices."""
+    """Refuse corners (k, size) of faces that are out of range; `rows` are the faces' rows in the file."""
     is_wrong = (corners < 0) | (corners >= vertices)
     if is_wrong.any():
         row, place = np.argwhere(is_wrong)[0]
@@ -61,7 +61,7 @@ def check_corners(path: Path, corners: NDArray[Any], rows: NDArray[np.intp], ver
 def _walk(
     element: PlyElement, data: NDArray[np.uint8], start: int, order: str
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], int]:
-    """Sizes of the lists of an element, where their first entries are, and where its rows end."""
+    """Sizes of the lists of an element, offsets of their first entries, and the end of its rows."""
     index = next(k for k, item in enumerate(element.properties) if item.length_type)
     item, sizes = element.properties[index], [int(item.type[1]) for item in element.properties]
     lengths, places = np.zeros((2, element.count), np.int64)
@@ -79,9 +79,9 @@ def _follow(
     lengths: NDArray[np.int64],
     places: NDArray[np.int64],
 ) -> int:
-    """Write the lengths of lists and where they begin; those beyond the end of the data stay 0.
+    """Write the lengths and offsets of lists; lists beyond the end of the data stay 0.
 
-    The layout is the number of bytes before a list, of its length, of an entry, and after it.
+    The layout is the bytes before a list, of its length, of an entry, and after it.
     """
     before, width, entry, after = layout[0], layout[1], layout[2], layout[3]
     end = start

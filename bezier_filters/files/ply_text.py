@@ -1,4 +1,4 @@
-"""Files that pymeshlab cannot write: PLY files of any columns as text, and lines as PLY and OBJ files."""
+"""Writers that pymeshlab lacks: text PLY files with any columns, and lines as PLY and OBJ files."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -15,7 +15,7 @@ SUFFIXES = (".ply", ".obj")
 
 
 def ply_text(elements: Mapping[str, Mapping[str, NDArray[np.generic]]], comments: Sequence[str] = ()) -> str:
-    """A PLY file with the columns of its elements, by their declarations such as ``double x``; lists are (n, k).
+    """Text of a PLY file, given the columns of its elements by declarations such as ``double x``; lists are (n, k).
 
     >>> print(ply_text({"face": {"list uchar int vertex_indices": np.array([[0, 1, 2]])}}).splitlines()[-1])
     3 0 1 2
@@ -44,7 +44,7 @@ def color_columns(colors: FloatArray) -> dict[str, IntArray]:
 
 
 def check_line_file(path: str | os.PathLike[str]) -> None:
-    """Refuse a file name whose suffix stands for no format of lines."""
+    """Refuse a file name whose suffix is not that of a format for lines."""
     if Path(path).suffix.lower() not in SUFFIXES:
         raise InvalidParameterError(f"{path}: lines can be saved as {' and '.join(SUFFIXES)} files only")
 

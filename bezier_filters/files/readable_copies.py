@@ -1,4 +1,4 @@
-"""Copies of valid files that pymeshlab refuses or misreads: PLY in other types, OBJ and OFF in plain lines."""
+"""Copies of valid files that pymeshlab refuses or misreads: PLY with other types, OBJ and OFF with plain lines."""
 
 import re
 from pathlib import Path
@@ -9,13 +9,13 @@ import numpy as np
 from bezier_filters.errors import FieldFileError
 from bezier_filters.files.mesh_headers import BYTE_ORDER, HEADER_LIMIT, PlyHeader, parse_header
 
-_BLOCK = 1 << 24
+_COPY_BLOCK_BYTES = 1 << 24
 _COMMENT, _COMMENT_BEHIND = re.compile(rb"#[^\n]*"), re.compile(rb"^[^#\n]*[^#\s][^#\n]*#", re.MULTILINE)
 _CONTINUED = b"\\\r\n"
 _AXES = ("x", "y", "z")
 _REAL = ("f4", "f8")
 _BIG = "binary_big_endian"
-_LONGEST = 255  # entries of a list whose length is one byte
+_MAX_BYTE_LENGTH = 255  # longest list whose length fits into a byte
 # types of the lengths and entries of lists of corners that are read, in text and in both byte orders, by their name
 _ALWAYS = {("u1", "i4"), ("i1", "i4"), ("i4", "i4")}
 _LISTS = {
@@ -27,9 +27,9 @@ _LISTS = {
 def is_misread(path: Path) -> bool:
     """Whether pymeshlab refuses or misreads a valid file.
 
-    In PLY files it takes coordinates only as floating-point numbers, corners only in some types of lists and behind the
-    vertices, and does not turn the bytes of big-endian doubles; in OBJ files it loses lines that go on in the next one
-    where these end with carriage returns, too; in OFF files it takes comments behind rows for numbers.
+    In PLY files it reads coordinates only as floating-point numbers, and corners only after the vertices and in some
+    types of lists, and does not swap the bytes of big-endian doubles. In OBJ files it loses continued lines that end
+    with carriage returns. In OFF files it reads comments behind rows as numbers.
     """
     suffix = path.suffix.lower()
     if suffix in (".obj", ".off"):
@@ -44,12 +44,12 @@ def is_misread(path: Path) -> bool:
         head = stream.read(HEADER_LIMIT)
     try:
         return _is_misread(parse_header(path, head))
-    except FieldFileError:  # not understood: its reader has to judge
+    except FieldFileError:  # left to its reader
         return False
 
 
 def write_copy(path: Path, target: Path) -> None:
-    """Write a file that is misread once more, so that it is not; `FieldFileError` if it is damaged."""
+    """Write a readable copy of a file that is misread; `FieldFileError` if it is damaged."""
     if path.suffix.lower() == ".ply":
         _convert_ply(path, target)
         return
@@ -60,7 +60,7 @@ def write_copy(path: Path, target: Path) -> None:
 
 
 def _whole_lines(stream: BinaryIO) -> bytes:
-    return stream.read(_BLOCK) + stream.readline()
+    return stream.read(_COPY_BLOCK_BYTES) + stream.readline()
 
 
 def _is_misread(header: PlyHeader) -> bool:
@@ -79,7 +79,7 @@ def _is_misread(header: PlyHeader) -> bool:
 
 
 def _convert_ply(path: Path, target: Path) -> None:
-    """Write a file once more, little-endian, in types that pymeshlab reads."""
+    """Write a little-endian copy with types that pymeshlab reads."""
     import plyfile
 
     try:
@@ -88,7 +88,7 @@ def _convert_ply(path: Path, target: Path) -> None:
             for item in element.properties:
                 if isinstance(item, plyfile.PlyListProperty):
                     longest = max(map(len, element.data[item.name]), default=0)
-                    item.len_dtype = "u1" if longest <= _LONGEST else "i4"
+                    item.len_dtype = "u1" if longest <= _MAX_BYTE_LENGTH else "i4"
                     if item.name in _LISTS:
                         item.val_dtype = "i4"
                 elif element.name == "vertex" and item.name in _AXES and item.val_dtype not in _REAL:

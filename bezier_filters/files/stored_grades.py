@@ -1,4 +1,4 @@
-"""Columns of grades as other programs, and earlier versions, leave them: see `FitStatus`."""
+"""Columns of grades from other programs and earlier versions: see `FitStatus`."""
 
 import numpy as np
 
@@ -7,15 +7,15 @@ from bezier_filters.status import FitStatus
 
 
 def are_grades(values: FloatArray) -> BoolArray:
-    """Which numbers of a column (n,) are grades. Others are what was in memory when a program added vertices."""
+    """Which numbers of a column (n,) are grades; others are uninitialised memory of programs that added vertices."""
     return np.isin(values, [status.grade for status in FitStatus])
 
 
 def grades_of_codes(codes: FloatArray, rings: FloatArray | None) -> FloatArray:
-    """Grades of the codes that version 0.2.0 and earlier ones stored, (n,), by the column of the rings if there is one.
+    """Grades of the codes stored by versions up to 0.2.0, (n,), given the column of rings if there is one.
 
-    A code 0 was `FitStatus.OK`, or of a vertex that was added later. The latter have 0 rings; without that column
-    nothing says that there was an estimate.
+    Code 0 means `FitStatus.OK`, or a vertex that was added later, with 0 rings. Without that column, code 0 counts as
+    not estimated.
 
     >>> grades_of_codes(np.array([0.0, 0.0, 7.0]), np.array([2.0, 0.0, 0.0])).tolist()
     [9.0, 0.0, 2.0]

@@ -21,9 +21,9 @@ from bezier_filters.kernels.kernel_input import (
     hubs,
     prepare_kernel_mesh,
 )
-from bezier_filters.meshes.diagnosis import FEWEST_POINTS
+from bezier_filters.meshes.diagnosis import MIN_FIT_POINTS
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.meshes.spatial_order import in_spatial_order
+from bezier_filters.meshes.spatial_order import sort_spatially
 from bezier_filters.patches.patch_fit import PatchFit
 from bezier_filters.patches.polynomials import elimination_order, lexicographic_places, row_starts
 from bezier_filters.runtime.parallel import Progress, run_in_chunks, run_kernel
@@ -98,7 +98,7 @@ def last_resorts(rings: int) -> Iterator[FitAttempt]:
     yield FitAttempt(FitStatus.LOWER_DEGREE, ill_posed, max(rings, 2), QUADRATIC)
     yield FitAttempt(FitStatus.LOWER_DEGREE, ill_posed, rings + MAX_EXTRA_RINGS, QUADRATIC)
     for wide in (max(rings, 2), rings + MAX_EXTRA_RINGS):
-        yield FitAttempt(FitStatus.LOWER_DEGREE, ill_posed, wide, FLATTEST_QUADRATIC, fewest_points=FEWEST_POINTS)
+        yield FitAttempt(FitStatus.LOWER_DEGREE, ill_posed, wide, FLATTEST_QUADRATIC, fewest_points=MIN_FIT_POINTS)
     yield FitAttempt(
         FitStatus.FOLDED, ill_posed | folded, max(rings, 2), QUADRATIC, mean_plane=True, max_flipped_fraction=1.0
     )
@@ -188,7 +188,7 @@ def fit_with_fallbacks(
 
 def fit_patches(mesh: TriangleMesh, rings: int, fit: PatchFit, *, progress: Progress | None = None) -> VertexGeometry:
     """Geometry of all vertices of a mesh by one patch fit with its fallbacks."""
-    ordered = in_spatial_order(mesh)
+    ordered = sort_spatially(mesh)
     arrays, _ = prepare_kernel_mesh(ordered.mesh, ordered, creases=False)
     geometry = empty_geometry(mesh.vertex_count)
     every = np.arange(mesh.vertex_count, dtype=np.int32)

@@ -22,7 +22,7 @@ from bezier_filters.kernels.kernel_input import FITTED, kernel_mesh, prepare_ker
 from bezier_filters.meshes.adjacency import Adjacency, Rows
 from bezier_filters.meshes.frames import TangentPlanes
 from bezier_filters.meshes.mesh import triangle_mesh
-from bezier_filters.meshes.spatial_order import in_spatial_order
+from bezier_filters.meshes.spatial_order import sort_spatially
 from bezier_filters.runtime.kernel_cache import SUFFIX
 from bezier_filters.runtime.parallel import usable_threads
 from bezier_filters.runtime.process_end import end_with_parent
@@ -88,7 +88,7 @@ def compile_fit() -> None:
 def compile_the_rest() -> None:
     """Compile the kernels that prepare a mesh and learn from it, on a small sphere."""
     ball = sphere(resolution=8)
-    ordered = in_spatial_order(triangle_mesh(ball.vertices, ball.faces))
+    ordered = sort_spatially(triangle_mesh(ball.vertices, ball.faces))
     arrays, adjacency = prepare_kernel_mesh(ordered.mesh, ordered, creases=True)
     learn_surface(arrays, adjacency, FitConstraints())
     # regions of a surface may need it later

@@ -5,8 +5,8 @@ from typing import Literal
 import numpy as np
 
 from bezier_filters.errors import InvalidParameterError, is_integer, is_real
-from bezier_filters.meshes.mesh import LARGEST
-from bezier_filters.meshes.neighbourhoods import MOST_RINGS
+from bezier_filters.meshes.mesh import MAX_COORDINATE
+from bezier_filters.meshes.neighbourhoods import MAX_NEIGHBOURHOOD_RINGS
 from bezier_filters.patches.patch_fit import PatchFit
 from bezier_filters.patches.smoothness import Smoothness
 from bezier_filters.surface_model.fit_spec import CANDIDATE_DEGREES
@@ -20,8 +20,10 @@ def fit_options(
     """Rings, fixed patch and candidate degrees: "auto" and None are chosen by the data."""
     if smoothness == "paper":
         rings, alpha = (2 if rings == "auto" else rings), (0.8 if alpha == "auto" else alpha)
-    if rings != "auto" and not (is_integer(rings) and 1 <= rings <= MOST_RINGS):
-        raise InvalidParameterError(f"rings: got {rings!r}, expected an integer from 1 to {MOST_RINGS}, or 'auto'")
+    if rings != "auto" and not (is_integer(rings) and 1 <= rings <= MAX_NEIGHBOURHOOD_RINGS):
+        raise InvalidParameterError(
+            f"rings: got {rings!r}, expected an integer from 1 to {MAX_NEIGHBOURHOOD_RINGS}, or 'auto'"
+        )
     checked: int | Automatic = int(rings) if is_integer(rings) else "auto"
     if alpha == "auto":
         if degree != "auto" and degree not in CANDIDATE_DEGREES:
@@ -49,8 +51,10 @@ def check_noise(noise: object) -> None:
     """Refuse a standard deviation of the noise that is not a length."""
     if noise is not None and not (is_real(noise) and 0.0 <= noise < np.inf):
         raise InvalidParameterError(f"noise: got {noise!r}, expected a length of 0 or more, or None to learn it")
-    if noise is not None and noise > LARGEST:
-        raise InvalidParameterError(f"noise: got {noise!r}, expected no more than coordinates may be, {LARGEST:g}")
+    if noise is not None and noise > MAX_COORDINATE:
+        raise InvalidParameterError(
+            f"noise: got {noise!r}, expected no more than coordinates may be, {MAX_COORDINATE:g}"
+        )
 
 
 def check_detail(detail: object, rings: object = "auto", radius: object = None) -> None:
@@ -61,7 +65,7 @@ def check_detail(detail: object, rings: object = "auto", radius: object = None) 
         raise InvalidParameterError(f"detail: got {detail!r}, expected a positive length, or None")
     if rings != "auto" or radius is not None:
         size = "rings" if radius is None else "radius"
-        raise InvalidParameterError(f"detail: {size} says already how large neighbourhoods are; leave one of them out")
+        raise InvalidParameterError(f"detail: {size} determines the size of neighbourhoods already; omit one of them")
 
 
 def check_fit_noise(noise: object, fixed: PatchFit | None, rings: object, radius: object = None) -> None:
@@ -69,4 +73,4 @@ def check_fit_noise(noise: object, fixed: PatchFit | None, rings: object, radius
     check_noise(noise)
     if noise is not None and fixed is not None and (rings != "auto" or radius is not None):
         size = "rings" if radius is None else "radius"
-        raise InvalidParameterError(f"noise: {size} and alpha are given, and nothing depends on it; leave it out")
+        raise InvalidParameterError(f"noise: {size} and alpha are given, so the noise has no effect; omit it")

@@ -10,7 +10,7 @@ from bezier_filters.fitting.vertex_geometry import VertexGeometry, empty_geometr
 from bezier_filters.kernels.kernel_input import KernelMesh, recompute_barriers, replace_vertices
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.meshes.tips import unfolded
+from bezier_filters.meshes.spikes import move_folded_vertices
 from bezier_filters.patches.patch_fit import PatchFit
 from bezier_filters.status import FitStatus
 from bezier_filters.surface_model.learn import MAX_FLIPPED_BY_OUTLIERS
@@ -39,7 +39,7 @@ def move_outliers(mesh: KernelMesh, adjacency: Adjacency, edges: BoolArray | Non
     n = len(mesh.vertices)
     mesh = recompute_barriers(mesh, adjacency)
     if len(mesh.faces):
-        mesh = mesh._replace(vertices=unfolded(TriangleMesh(mesh.vertices, mesh.faces), adjacency).vertices)
+        mesh = mesh._replace(vertices=move_folded_vertices(TriangleMesh(mesh.vertices, mesh.faces), adjacency).vertices)
     if edges is not None:
         mesh = mesh._replace(barriers=mesh.barriers | edges)
     every = np.arange(n, dtype=np.int32)

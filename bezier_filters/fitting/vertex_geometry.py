@@ -331,7 +331,7 @@ class VertexGeometry(DerivedCurvatures):
         return np.asarray((self.direction_max - self.direction_min) * np.sqrt(0.5))
 
     def status_counts(self) -> dict[str, int]:
-        """Count the vertices per status name, only those that occur, from best to worst."""
+        """Number of vertices per status name, from best to worst, without zeros."""
         counts = np.bincount(self.status, minlength=len(FitStatus))
         return {status.name: int(counts[status]) for status in FitStatus if counts[status]}
 

@@ -7,7 +7,7 @@ from bezier_filters.errors import InvalidParameterError, is_integer
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.frames import farthest_direction, tangent_planes
 from bezier_filters.meshes.mesh import takes_arrays, triangle_mesh
-from bezier_filters.meshes.neighbourhoods import MOST_RINGS, collect_ring
+from bezier_filters.meshes.neighbourhoods import MAX_NEIGHBOURHOOD_RINGS, collect_ring
 from bezier_filters.patches.patch import BezierPatch
 from bezier_filters.patches.patch_fit import PatchFit, fit_patch
 from bezier_filters.patches.smoothness import Smoothness
@@ -58,14 +58,14 @@ def vertex_patch(
     mesh = triangle_mesh(vertices, faces)
     if not (is_integer(vertex) and 0 <= vertex < mesh.vertex_count):
         raise InvalidParameterError(f"vertex: got {vertex!r}, expected an integer from 0 to {mesh.vertex_count - 1}")
-    if not (is_integer(rings) and 1 <= rings <= MOST_RINGS):
-        raise InvalidParameterError(f"rings: got {rings!r}, expected an integer from 1 to {MOST_RINGS}")
+    if not (is_integer(rings) and 1 <= rings <= MAX_NEIGHBOURHOOD_RINGS):
+        raise InvalidParameterError(f"rings: got {rings!r}, expected an integer from 1 to {MAX_NEIGHBOURHOOD_RINGS}")
     adjacency = vertex_adjacency(mesh)
     normal = tangent_planes(mesh, adjacency).normals[vertex]
     members = np.empty(mesh.vertex_count + 1, dtype=np.int32)
     rows = adjacency.vertices
-    visited, stops = np.zeros((2, mesh.vertex_count), dtype=np.bool_)
-    count, _ = collect_ring(rows.indptr, rows.indices, stops, vertex, rings, visited, members)
+    visited, barriers = np.zeros((2, mesh.vertex_count), dtype=np.bool_)
+    count, _ = collect_ring(rows.indptr, rows.indices, barriers, vertex, rings, visited, members)
     valence = len(rows.row(vertex))
     x_axis = np.array(farthest_direction(mesh.vertices, members, valence, count, *normal))
     if not (normal.any() and x_axis.any()):

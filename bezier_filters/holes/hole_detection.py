@@ -15,13 +15,13 @@ from scipy.optimize import linear_sum_assignment
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from bezier_filters.arguments import in_short
+from bezier_filters.arguments import brief_repr
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError, is_integer, is_real
 from bezier_filters.holes.loops import angle_sums, diameter, plane_axes, points_in_polygon, vector_area
 from bezier_filters.meshes.adjacency import Adjacency
-from bezier_filters.meshes.half_edges import BorderEdges, border_edges, cycles, doubled_edges
-from bezier_filters.meshes.mesh import TriangleMesh, checked_selection
+from bezier_filters.meshes.half_edges import BorderEdges, border_edges, coincident_border_edges, cycles
+from bezier_filters.meshes.mesh import TriangleMesh, check_selection
 from bezier_filters.meshes.self_intersections import faces_in_boxes
 from bezier_filters.meshes.triangles import area_vectors
 
@@ -73,7 +73,7 @@ def find_holes(mesh: TriangleMesh, adjacency: Adjacency) -> list[Hole]:
     """
     holes = []
     border = border_edges(mesh, adjacency.on_boundary)
-    n, doubled = mesh.vertex_count, doubled_edges(mesh, border)
+    n, doubled = mesh.vertex_count, coincident_border_edges(mesh, border)
     cracks = np.sort((border.start * np.int64(n) + border.end)[doubled])
     loops, rest = _border_loops(mesh, adjacency, border)
     for loop, gaps in loops:
@@ -88,7 +88,7 @@ def find_holes(mesh: TriangleMesh, adjacency: Adjacency) -> list[Hole]:
             holes.append(Hole((rim[::-1].copy(),), turning, length, diameter(points), obstacle))
     for start, end in rest:
         length = np.linalg.norm(mesh.vertices[end] - mesh.vertices[start], axis=1).sum()
-        where = end[border.unclear[end]][0]
+        where = end[border.non_manifold[end]][0]
         obstacle = f"meets edges of several faces, or of faces that disagree, at vertex {where}: {ORIENT_HINT}"
         rim = np.union1d(start, end)
         holes.append(Hole((rim,), 0.0, float(length), diameter(mesh.vertices[rim]), obstacle, len(start)))
@@ -134,23 +134,23 @@ def _border_loops(
     start, end = border.start[order], border.end[order]
     first, last = np.searchsorted(start, end), np.searchsorted(start, end, side="right")
     arrivals = np.bincount(end, minlength=mesh.vertex_count)[end]
-    ambiguous = border.unclear[end] & ((last - first != 1) | (arrivals != 1))
+    ambiguous = border.non_manifold[end] & ((last - first != 1) | (arrivals != 1))
     if ((last - first != arrivals) & ~ambiguous).any():
-        raise InvalidParameterError("on_border: got other vertices than those on the edges of one face only")
+        raise InvalidParameterError("on_border: got vertices other than the ends of edges with one face")
     components = _ambiguous_components(ambiguous, start, end, mesh.vertex_count)
-    unclear = np.zeros(len(start), dtype=np.bool_)
-    unclear[np.concatenate([*components, np.empty(0, dtype=np.int64)])] = True
+    undetermined = np.zeros(len(start), dtype=np.bool_)
+    undetermined[np.concatenate([*components, np.empty(0, dtype=np.int64)])] = True
     rest = [(start[component], end[component]) for component in components]
-    successor = np.where(unclear, np.arange(len(start)), first).astype(np.int32)
+    successor = np.where(undetermined, np.arange(len(start)), first).astype(np.int32)
     around = mesh.faces[np.unique(adjacency.faces.of(end))]
     gaps = 2.0 * pi - angle_sums(mesh.vertices, around, mesh.vertex_count)[end]  # at the end of each half-edge
     by_end = np.argsort(end, kind="stable")
-    for vertex in np.unique(end[(last - first > 1) & ~unclear]):
+    for vertex in np.unique(end[(last - first > 1) & ~undetermined]):
         arriving = by_end[slice(*np.searchsorted(end, [vertex, vertex + 1], sorter=by_end))]
         leaving = np.arange(*np.searchsorted(start, [vertex, vertex + 1]))
         following, angles = _match_across_gaps(mesh, adjacency, vertex, start[arriving], end[leaving])
         successor[arriving], gaps[arriving] = leaving[following], angles
-    return [(end[loop], gaps[loop]) for loop in cycles(successor, np.flatnonzero(~unclear).astype(np.int32))], rest
+    return [(end[loop], gaps[loop]) for loop in cycles(successor, np.flatnonzero(~undetermined).astype(np.int32))], rest
 
 
 def _ambiguous_components(ambiguous: BoolArray, start: IntArray, end: IntArray, n: int) -> list[IntArray]:
@@ -258,9 +258,9 @@ class HoleChoice:
     def check(self, vertex_count: int, hole_count: int) -> None:
         """Raise an InvalidParameterError if `selected` or `holes` do not fit the mesh."""
         if self.selected is not None:
-            checked_selection(self.selected, vertex_count)
+            check_selection(self.selected, vertex_count)
         if not isinstance(self.holes, Sequence | NoneType) and np.ndim(self.holes) != 1:
-            raise InvalidParameterError(f"holes: got {in_short(self.holes)}, expected a list of numbers, or None")
+            raise InvalidParameterError(f"holes: got {brief_repr(self.holes)}, expected a list of numbers, or None")
         for k in () if self.holes is None else self.holes:
             if not (is_integer(k) and 0 <= k < hole_count):
                 raise InvalidParameterError(

@@ -31,7 +31,7 @@ from bezier_filters.holes.hole_detection import HoleChoice, find_holes
 from bezier_filters.holes.influence_region import hole_surroundings, influence_regions
 from bezier_filters.holes.planar_fill import Correction
 from bezier_filters.meshes.adjacency import vertex_adjacency
-from bezier_filters.meshes.mesh import checked_selection, takes_arrays, triangle_mesh
+from bezier_filters.meshes.mesh import check_selection, takes_arrays, triangle_mesh
 from bezier_filters.meshes.self_intersections import faces_in_boxes
 from bezier_filters.meshes.unit_size import LENGTH, normalizes_size
 from bezier_filters.patches.patch_fit import PatchFit
@@ -224,7 +224,7 @@ def fill_holes(
     choice = HoleChoice(max_edges, max_perimeter, max_diameter, holes, selected, outer_rims)
     adjacency = vertex_adjacency(mesh)
     if on_border is not None:
-        adjacency = replace(adjacency, on_boundary=checked_selection(on_border, mesh.vertex_count, "on_border"))
+        adjacency = replace(adjacency, on_boundary=check_selection(on_border, mesh.vertex_count, "on_border"))
     found = find_holes(mesh, adjacency)
     choice.check(mesh.vertex_count, len(found))
     refusals = [choice.refusal(k, hole) for k, hole in enumerate(found)]

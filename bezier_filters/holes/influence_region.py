@@ -16,7 +16,7 @@ from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.frames import unit_face_normals
 from bezier_filters.meshes.half_edges import HalfEdgeLists, face_at_edge, half_edge_lists, normals_along
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.meshes.neighbourhoods import rings_around, search_room
+from bezier_filters.meshes.neighbourhoods import rings_around, search_workspace
 from bezier_filters.meshes.triangles import angle_parts, edge_length
 from bezier_filters.runtime.cached_property import cached_property
 from bezier_filters.runtime.jit import jit, short_jit
@@ -119,7 +119,7 @@ def influence_regions(
 ) -> list[InfluenceRegion]:
     """Collect rings of the mesh, at least one, around the loops of each hole."""
     # The scratch arrays have the size of the mesh, but only the entries of the regions are touched.
-    scratch, place = search_room(mesh.vertex_count), np.empty(mesh.vertex_count, dtype=np.int32)
+    scratch, place = search_workspace(mesh.vertex_count), np.empty(mesh.vertex_count, dtype=np.int32)
     is_found, found = np.zeros(mesh.face_count, dtype=np.bool_), np.empty(mesh.face_count, dtype=np.int32)
     regions = []
     for loops in holes:

@@ -18,9 +18,12 @@ MAX_DENSE_VERTICES = 300  # vertices of a mesh whose matrices are dense
 # fraction of non-zero entries of a matrix that is solved by sparse factorisation: around vertices of very high valence
 # the power of a sparse matrix is nearly dense
 MAX_SPARSE_DENSITY = 0.1
+# Entries of a power of the matrix, 12 bytes each: 150,000 vertices of a regular mesh have so many with order 3. Vertices
+# of very high valence give more, and get a lower order. With half as many or twice as many, so does the memory change.
+MAX_POWER_ENTRIES = 10_000_000
 # Clamped weights bound the influence of slivers and are positive, so that there is always one solution.
-MIN_EDGE_WEIGHT, MAX_FAIRING_COTANGENT = 0.02, 5.0
-MIN_VERTEX_AREA = 1e-3  # in mean vertex areas
+MIN_FAIRING_WEIGHT, MAX_FAIRING_COTANGENT = 0.02, 5.0
+MIN_FAIRING_AREA = 1e-3  # in mean vertex areas
 
 
 def polyharmonic_continuation(points: FloatArray, faces: IntArray, values: FloatArray, order: int = 1) -> FloatArray:
@@ -28,7 +31,8 @@ def polyharmonic_continuation(points: FloatArray, faces: IntArray, values: Float
 
     The order is 1, 2 or 3. With order 1 the result obeys the maximum principle, and differences between neighbouring
     values decay within an edge or two. If the values are coordinates, the result is a fill: with order 1 a minimal
-    surface to first order, with a larger one a smooth continuation of `order` rings around it.
+    surface to first order, with a larger one a smooth continuation of `order` rings around it. The order is reduced where
+    its matrix would have more than `MAX_POWER_ENTRIES` entries.
     """
     first = len(values)
     if first == len(points):
@@ -37,7 +41,10 @@ def polyharmonic_continuation(points: FloatArray, faces: IntArray, values: Float
         return _continue_densely(points, faces, values, order)
     stiffness, areas = cotangent_matrix(points, faces)
     rows = stiffness[first:]
+    valences = np.diff(stiffness.indptr)
     for _ in range(order - 1):
+        if valences[rows.indices].sum() > MAX_POWER_ENTRIES:  # an upper bound of the entries of the product
+            break
         rows = (rows @ diags(1.0 / areas)) @ stiffness
     columns, right = csc_matrix(rows[:, first:]), -(rows[:, :first] @ values)
     if columns.nnz > MAX_SPARSE_DENSITY * columns.shape[0] ** 2:
@@ -56,7 +63,7 @@ def cotangent_matrix(points: FloatArray, faces: IntArray) -> tuple[csr_matrix, F
     starts, ends = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
     places = np.concatenate([starts, ends]), np.concatenate([ends, starts])
     edges: csr_matrix = csr_matrix((np.tile(weights.ravel(), 2), places), shape=(n, n))
-    edges.data = np.maximum(edges.data, MIN_EDGE_WEIGHT)
+    edges.data = np.maximum(edges.data, MIN_FAIRING_WEIGHT)
     return (diags(np.asarray(edges.sum(axis=1)).ravel()) - edges).tocsr(), areas
 
 
@@ -68,31 +75,31 @@ def _continue_densely(points: FloatArray, faces: IntArray, values: FloatArray, o
     n, free = len(points), len(points) - len(values)
     stiffness, areas, result = np.zeros((n, n)), np.zeros(n), np.zeros((n, values.shape[1]))
     result[: len(values)] = values
-    scratch = np.empty((len(faces), 3)), np.empty((free, n)), np.empty(n), np.empty((free, free))
-    _solve_densely(points, faces, order, stiffness, areas, result, *scratch)
+    weights = np.empty((len(faces), 3))
+    _measure_mesh(points, faces, areas, weights)
+    scratch = np.empty((free, n)), np.empty(n), np.empty((free, free))
+    _solve_densely(faces, weights, areas, order, stiffness, result, *scratch)
     return result
 
 
 @jit(fastmath=FASTMATH)
 def _solve_densely(
-    points: FloatArray,
     faces: IntArray,
+    weights: FloatArray,
+    areas: FloatArray,
     order: int,
     stiffness: FloatArray,
-    areas: FloatArray,
     result: FloatArray,
-    weights: FloatArray,
     rows: FloatArray,
     weighted: FloatArray,
     matrix: FloatArray,
 ) -> None:
-    """Solve for the last u values; they, the cotangent matrix (n, n) and the areas (n,) are zero at first.
+    """Solve for the last u values; they and the cotangent matrix (n, n) are zero at first.
 
-    The last arrays, (m, 3), (u, n), (n,), and (u, u), are scratch.
+    The last arrays, (u, n), (n,), and (u, u), are scratch.
     """
     n, free = stiffness.shape[0], rows.shape[0]
     first = n - free
-    _measure_mesh(points, faces, areas, weights)
     for f in range(faces.shape[0]):
         for k in range(3):
             i, j = faces[f, k], faces[f, (k + 1) % 3]
@@ -101,7 +108,7 @@ def _solve_densely(
     for f in range(faces.shape[0]):
         for k in range(3):
             i, j = faces[f, k], faces[f, (k + 1) % 3]
-            stiffness[i, j] = stiffness[j, i] = min(stiffness[i, j], -MIN_EDGE_WEIGHT)
+            stiffness[i, j] = stiffness[j, i] = min(stiffness[i, j], -MIN_FAIRING_WEIGHT)
     for i in range(n):
         total = 0.0
         for j in range(n):
@@ -171,4 +178,4 @@ def _measure_mesh(points: FloatArray, faces: IntArray, areas: FloatArray, weight
     for i in range(areas.shape[0]):
         mean += areas[i] / areas.shape[0]
     for i in range(areas.shape[0]):
-        areas[i] = max(areas[i] / max(mean, 1e-300), MIN_VERTEX_AREA)
+        areas[i] = max(areas[i] / max(mean, 1e-300), MIN_FAIRING_AREA)

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
-from bezier_filters.meshes.half_edges import HalfEdgeLists, face_neighbours, find_neighbours, room_for_half_edges
+from bezier_filters.meshes.half_edges import HalfEdgeLists, allocate_half_edges, face_neighbours, find_neighbours
 from bezier_filters.meshes.triangles import angle_parts, area_vector, cosine_between, has_corner
 from bezier_filters.runtime.jit import inner_jit, jit, short_jit
 
@@ -127,7 +127,7 @@ def relaxation_workspace(fill: Fill) -> RelaxationWorkspace:
     """Scratch arrays for a fill."""
     n, m = len(fill.points), len(fill.faces)
     before, goals = np.empty((2, n, 3))
-    neighbours, lists = np.empty((m, 3), dtype=np.int32), room_for_half_edges(3 * m, n)
+    neighbours, lists = np.empty((m, 3), dtype=np.int32), allocate_half_edges(3 * m, n)
     borders = np.empty(fill.rim_count, dtype=np.int32)
     return RelaxationWorkspace(lists, neighbours, before, goals, np.empty(n), np.empty(n, dtype=np.bool_), borders)
 

@@ -14,13 +14,13 @@ from bezier_filters.kernels.kernel_input import (
 )
 from bezier_filters.meshes.frames import (
     FOLD_COSINE,
-    TIE,
+    TIE_TOLERANCE,
     Vector,
     farthest_direction,
     farthest_edge,
+    folding_share,
     mean_normal,
-    off_normal,
-    turned_share,
+    tangential_part,
     unit_face_normal,
 )
 from bezier_filters.runtime.jit import inner_jit, opaque
@@ -47,7 +47,7 @@ def write_plane(
         nx, ny, nz = neighbour_normal(mesh, members, inner, neighbours)
         folded = nx == 0.0 and ny == 0.0 and nz == 0.0
     elif fit.most_turned >= 0.0:
-        folded = turned_share(mesh.normals, members, inner, nx, ny, nz) > fit.most_turned
+        folded = folding_share(mesh.normals, members, inner, nx, ny, nz) > fit.most_turned
     else:
         folded = folds(mesh, members, inner, nx, ny, nz)
     if folded:
@@ -101,9 +101,9 @@ def write_edge(
     i, seen = members[0], min(neighbours, 1) if any_axis else neighbours
     x, y, z, farthest, second = farthest_edge(mesh.vertices, members, seen, nx, ny, nz)
     if not any_axis and mesh.x_axes.shape[0] > 0:
-        x, y, z = off_normal(mesh.x_axes[i, 0], mesh.x_axes[i, 1], mesh.x_axes[i, 2], nx, ny, nz)
+        x, y, z = tangential_part(mesh.x_axes[i, 0], mesh.x_axes[i, 1], mesh.x_axes[i, 2], nx, ny, nz)
         farthest, second = x * x + y * y + z * z, 0.0
-    if farthest == 0.0 or second > (1.0 - TIE) * farthest:
+    if farthest == 0.0 or second > (1.0 - TIE_TOLERANCE) * farthest:
         x, y, z = farthest_direction(mesh.vertices, members, neighbours, count, nx, ny, nz)
     frame[0], frame[1], frame[2] = x, y, z
     return ILL_POSED if x == 0.0 and y == 0.0 and z == 0.0 else FITTED

@@ -6,11 +6,11 @@ import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
-from bezier_filters.meshes.frames import UNBOUNDED, TangentPlanes, steady_normals, tangent_planes
+from bezier_filters.meshes.frames import NO_SAFE_COSINE, TangentPlanes, smooth_normals, tangent_planes
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.sharp_edges import sharp_edge_vertices
 from bezier_filters.meshes.spatial_order import SpatialOrder
-from bezier_filters.meshes.tips import without_tips
+from bezier_filters.meshes.spikes import remove_spikes
 
 # Outcomes of one fit.
 FITTED = 0
@@ -82,15 +82,15 @@ def prepare_kernel_mesh(
 
 def use_smoothed_normals(mesh: KernelMesh) -> KernelMesh:
     """Replace the normals by averages over neighbours, for noise that makes single normals useless."""
-    normals = steady_normals(mesh.normals, mesh.ring_ptr, mesh.ring_indices, mesh.barriers)
-    return mesh._replace(normals=normals, safe_cosine=np.full(len(normals), UNBOUNDED, dtype=np.float32))
+    normals = smooth_normals(mesh.normals, mesh.ring_ptr, mesh.ring_indices, mesh.barriers)
+    return mesh._replace(normals=normals, safe_cosine=np.full(len(normals), NO_SAFE_COSINE, dtype=np.float32))
 
 
 def recompute_barriers(mesh: KernelMesh, adjacency: Adjacency) -> KernelMesh:
     """Replace the barriers by the sharp edges of the mesh without isolated spikes."""
     if not len(mesh.faces):
         return mesh
-    flat = without_tips(TriangleMesh(mesh.vertices, mesh.faces), adjacency)
+    flat = remove_spikes(TriangleMesh(mesh.vertices, mesh.faces), adjacency)
     barriers = sharp_edge_vertices(flat, adjacency, tangent_planes(flat, adjacency))
     return mesh._replace(barriers=barriers | hubs(mesh.ring_ptr))
 

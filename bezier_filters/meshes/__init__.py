@@ -1,1 +1,1 @@
-"""Triangle meshes and point clouds: neighbours, frames, order in space, and what is wrong with them."""
+"""Triangle meshes and point clouds: neighbours, frames, spatial order and diagnosis."""

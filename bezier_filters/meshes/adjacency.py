@@ -1,4 +1,4 @@
-"""Which faces and vertices touch a vertex, as compressed rows (CSR), and which components of a mesh are closed."""
+"""Faces and neighbours of every vertex as compressed rows (CSR), and the closed components of a mesh."""
 
 from dataclasses import dataclass
 from math import sqrt
@@ -9,13 +9,13 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
-from bezier_filters.meshes.mesh import TriangleMesh, as_mesh
+from bezier_filters.meshes.mesh import TriangleMesh, ensure_mesh
 from bezier_filters.meshes.triangles import next_corner
 from bezier_filters.runtime.jit import inner_jit, jit
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks, run_kernel
 
-FEW = 8  # faces around a vertex whose corners are sorted all at once
-FEW_FACES = 64  # at a vertex, up to which each is compared with each
+MAX_RANKED_FACES = 8  # faces at a vertex up to which neighbours are sorted by rank, without branches
+MAX_PAIRWISE_FACES = 64  # faces at a vertex up to which all pairs are compared
 NO_VERTEX = np.iinfo(np.int32).max
 
 
@@ -62,10 +62,10 @@ class Adjacency:
     Attributes
     ----------
     faces : Rows
-        Faces at every vertex, in ascending order. Faces that name a vertex twice are left out.
+        Faces at every vertex, in ascending order, without faces that repeat a vertex.
     vertices : Rows
-        Vertices that share an edge with every vertex, in ascending order; in a point cloud, those
-        that would share one in a triangulation (see `point_cloud`).
+        Vertices that share an edge with every vertex, in ascending order; in a point cloud, the
+        neighbours in a local triangulation (see `point_cloud`).
     on_boundary : (n,) bool
         Vertices on an edge of one face only, or points with a wide gap around them.
     """
@@ -92,7 +92,7 @@ def vertex_adjacency(mesh: TriangleMesh | ArrayLike, faces: ArrayLike | None = N
     >>> vertex_adjacency(square).vertices.row(1)
     array([0, 2], dtype=int32)
     """
-    surface = as_mesh(mesh, faces)
+    surface = ensure_mesh(mesh, faces)
     n = surface.vertex_count
     face_ptr, fill = np.zeros(n + 1, dtype=np.int32), np.empty(n, dtype=np.int32)
     _count_faces(surface.faces, face_ptr, fill)
@@ -100,12 +100,12 @@ def vertex_adjacency(mesh: TriangleMesh | ArrayLike, faces: ArrayLike | None = N
     _fill_in_faces(surface.faces, fill, around.indices)
     indptr = np.zeros(n + 1, dtype=np.int32)
     on_boundary = np.zeros(n, dtype=np.bool_)
-    # Each range of rows is written where there is room for two vertices per face, then all are moved together.
+    # Each range of rows is written with room for two vertices per face; then all rows are moved together.
     roomy = np.empty(2 * len(around.indices), dtype=np.int32)
     most = int(around.lengths.max(initial=0))
 
     def neighbour_task() -> RangeTask:
-        after, before = np.empty((2, max(most, FEW)), dtype=np.int32)
+        after, before = np.empty((2, max(most, MAX_RANKED_FACES)), dtype=np.int32)
         return lambda start, stop: _neighbours(
             surface.faces, around.indptr, around.indices, start, stop, after, before, roomy, indptr[1:], on_boundary
         )
@@ -130,8 +130,8 @@ def edge_lengths(mesh: TriangleMesh, adjacency: Adjacency) -> FloatArray:
     return lengths
 
 
-def from_middles(rows: Rows, points: FloatArray) -> FloatArray:
-    """How far points (n, 3) are from the middle of their neighbours."""
+def umbrella_vectors(rows: Rows, points: FloatArray) -> FloatArray:
+    """Umbrella vectors (n, 3): points less the mean of their neighbours."""
     n, ones = len(points), np.ones(len(rows.indices))
     sums = csr_array((ones, rows.indices, rows.indptr), shape=(n, n)) @ points
     result: FloatArray = points - sums / np.maximum(rows.lengths, 1)[:, np.newaxis]
@@ -174,7 +174,7 @@ def incoherent_vertices(faces: IntArray, adjacency: Adjacency) -> BoolArray:
     """Vertices at a face without three corners, or with two faces that run through an edge the same way, (n,)."""
     result = np.zeros(len(adjacency.faces), dtype=np.bool_)
     _mark_incoherent(faces, adjacency.faces.indptr, adjacency.faces.indices, result)
-    for i in np.flatnonzero(adjacency.faces.lengths > FEW_FACES).tolist():
+    for i in np.flatnonzero(adjacency.faces.lengths > MAX_PAIRWISE_FACES).tolist():
         around = faces[adjacency.faces.row(i)]
         following = np.roll(around, -1, axis=1)[around == i]
         result[i] |= len(np.unique(following)) < len(following)
@@ -188,7 +188,7 @@ def _mark_incoherent(faces: IntArray, face_ptr: IntArray, face_indices: IntArray
         if a == b or b == c or c == a:
             result[a] = result[b] = result[c] = True
     for i in range(len(face_ptr) - 1):
-        if face_ptr[i + 1] - face_ptr[i] > FEW_FACES:
+        if face_ptr[i + 1] - face_ptr[i] > MAX_PAIRWISE_FACES:
             continue
         for q in range(face_ptr[i], face_ptr[i + 1]):
             for p in range(face_ptr[i], q):
@@ -198,7 +198,7 @@ def _mark_incoherent(faces: IntArray, face_ptr: IntArray, face_indices: IntArray
 
 @jit()
 def _count_faces(faces: IntArray, ptr: IntArray, starts: IntArray) -> None:
-    """Where the rows of the faces at each vertex begin and end; `ptr` is zero at first."""
+    """Write the first entry of each vertex's row of faces, and the row pointers; `ptr` starts at zero."""
     for f in range(faces.shape[0]):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
         if a != b and b != c and c != a:
@@ -212,7 +212,7 @@ def _count_faces(faces: IntArray, ptr: IntArray, starts: IntArray) -> None:
 
 @jit()
 def _fill_in_faces(faces: IntArray, fill: IntArray, indices: IntArray) -> None:
-    """Append every face to the rows of its vertices, which `fill` says where to."""
+    """Append every face to the rows of its vertices; `fill` is the next free entry of each row."""
     for f in range(faces.shape[0]):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
         if a != b and b != c and c != a:
@@ -235,22 +235,22 @@ def _neighbours(
     lengths: IntArray,
     on_boundary: BoolArray,
 ) -> None:
-    """Distinct neighbours of vertices start .. stop-1 side by side from entry 2 face_ptr[start], and their numbers.
+    """Distinct neighbours of vertices start .. stop-1, packed from entry 2 face_ptr[start] on, and row lengths.
 
-    A neighbour is met once per face on the common edge, so once at a boundary. Work space for the
-    vertices that come after and before a vertex in its faces: one entry per face at the most.
+    A neighbour is met once per face on the common edge, so once at a boundary. `after` and `before` are work space
+    for the vertices that follow and precede a vertex in its faces, at most one entry per face.
     """
     written = 2 * face_ptr[start]
     for i in range(start, stop):
         begin, count = written, face_ptr[i + 1] - face_ptr[i]
-        for q in range(FEW):
+        for q in range(MAX_RANKED_FACES):
             after[q] = before[q] = NO_VERTEX
         for q in range(count):
             f = face_indices[face_ptr[i] + q]
             a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
             after[q] = b if a == i else c if b == i else a
             before[q] = c if a == i else a if b == i else b
-        if count <= FEW and _write_sorted(after, before, count, begin, roomy):
+        if count <= MAX_RANKED_FACES and _write_sorted(after, before, count, begin, roomy):
             written = begin + count
             lengths[i] = count
             continue
@@ -275,15 +275,15 @@ def _neighbours(
 
 @inner_jit(inline="always")
 def _write_sorted(after: IntArray, before: IntArray, count: int, begin: int, result: IntArray) -> bool:
-    """Write the vertices around one with faces all around, seen from one side, from entry `begin`; else say no.
+    """Write the neighbours of an inner vertex with consistent faces, sorted, from entry `begin`; False otherwise.
 
-    They are at most `FEW`, and no vertex fills the rest: all comparisons of one with the others are one instruction,
-    and nobody has to predict how they end, which takes most of the time of sorting.
+    There are at most `MAX_RANKED_FACES` of them, padded with `NO_VERTEX`. The rank of an entry takes one vector
+    comparison without branches; mispredicted branches are most of the cost of sorting short rows.
     """
     places, in_both = 0, True
     for q in range(count):
         smaller, same = 0, 0
-        for p in range(FEW):
+        for p in range(MAX_RANKED_FACES):
             smaller += after[p] < after[q]
             same += before[p] == after[q]
         places |= 1 << smaller
@@ -305,7 +305,7 @@ def _measure_edges(
 
 @inner_jit()
 def _sort(values: IntArray, begin: int, end: int) -> None:
-    """Sort values[begin:end] in place by Shell's method: fast for a dozen, sound for thousands."""
+    """Sort values[begin:end] in place by Shell's method, fast for a dozen entries and acceptable for thousands."""
     gap = 1
     while gap < (end - begin) // 9:
         gap = 3 * gap + 1

@@ -1,4 +1,4 @@
-"""What is wrong with a mesh, whether it is fit for fitting, and what to do about it if not."""
+"""Diagnosis of meshes: faults, whether curvature can be estimated, and remedies."""
 
 from dataclasses import dataclass
 
@@ -11,20 +11,20 @@ from bezier_filters.arrays import IntArray
 from bezier_filters.meshes.face_sides import face_sides
 from bezier_filters.meshes.half_edges import (
     border_edges,
+    coincident_border_edges,
     distinct_edges,
-    doubled_edges,
     ends_of_half_edges,
-    paired_half_edges,
+    half_edge_pairs,
     proper_faces,
-    welded_vertices,
+    weld_vertices,
 )
-from bezier_filters.meshes.mesh import TriangleMesh, as_mesh, triangle_mesh
+from bezier_filters.meshes.mesh import TriangleMesh, ensure_mesh, triangle_mesh
 from bezier_filters.meshes.triangles import area_vectors
 from bezier_filters.runtime.cached_property import cached_property
 
-FEWEST_POINTS = 6  # points that determine a quadratic
+MIN_FIT_POINTS = 6  # points that determine a quadratic
 
-# by the counts of a report, the worst first, with what each is when it is one
+# messages by the counts of a report, the most severe first
 _FINDINGS = {
     "inside_out_bodies": "closed bodies are inside out: the signs of their curvatures and normals are wrong "
     "(meshing_invert_face_orientation)",
@@ -37,7 +37,7 @@ _FINDINGS = {
     "unreferenced_vertices": "unreferenced vertices get no estimate "
     "(meshing_remove_unreferenced_vertices removes them)",
 }
-# faults that `repair` of the filters mends
+# faults that `repair` of the filters removes
 _REPAIRABLE = {
     "inside_out_bodies",
     "flipped_faces",
@@ -69,17 +69,17 @@ class MeshReport:
     incoherent_edges : int
         Edges that their two faces run through in the same direction.
     flipped_faces : int
-        Faces that look to another side than most faces of their component, or inwards in a closed body.
+        Faces oriented against most faces of their component, or inwards in a closed body.
     inside_out_bodies : int
-        Closed bodies all of whose faces look inwards, but for cavities of other bodies.
+        Closed bodies whose faces all point inwards, except cavities of other bodies.
     doubled_edges : int
-        Boundary edges that lie on another one, as where a file has the vertices of a seam twice.
+        Boundary edges that coincide with another one, as at seams whose vertices a file stores twice.
     unwelded_faces : int
         Faces at such edges.
     inner_vertices : int
-        Vertices of faces, and of no boundary edge.
+        Vertices of faces but of no boundary edge.
     largest_piece : int
-        Most vertices that are connected by edges.
+        Number of vertices of the largest component connected by edges.
     mean_edge_length : float
         Mean over the distinct edges, in units of length; 0 without edges.
     """
@@ -125,7 +125,7 @@ def inspect_mesh(mesh: TriangleMesh | ArrayLike, faces: ArrayLike | None = None)
     >>> inspect_mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]).boundary_edges
     3
     """
-    mesh = _as_mesh(mesh, faces)
+    mesh = _ensure_mesh(mesh, faces)
     proper = proper_faces(mesh.faces)
     flat = ~area_vectors(mesh.vertices, proper).any(axis=1)
     triples = np.sort(mesh.faces, axis=1)
@@ -139,9 +139,9 @@ def inspect_mesh(mesh: TriangleMesh | ArrayLike, faces: ArrayLike | None = None)
     on_boundary[edges[count == 1]] = True
     lengths = np.linalg.norm(mesh.vertices[edges[:, 0]] - mesh.vertices[edges[:, 1]], axis=1)
     border = border_edges(mesh, on_boundary)
-    doubled = doubled_edges(mesh, border)
+    doubled = coincident_border_edges(mesh, border)
     triples = np.stack([border.start, border.end, border.third], axis=1)[doubled]
-    sides = face_sides(mesh.vertices, proper_faces(welded_vertices(mesh, border)[proper]))
+    sides = face_sides(mesh.vertices, proper_faces(weld_vertices(mesh, border)[proper]))
     used = np.unique(mesh.faces)
     return MeshReport(
         unreferenced_vertices=mesh.vertex_count - len(used),
@@ -162,10 +162,10 @@ def inspect_mesh(mesh: TriangleMesh | ArrayLike, faces: ArrayLike | None = None)
 
 
 def _count_touching(faces: IntArray, non_manifold: IntArray, n: int) -> int:
-    """Vertices, of no non-manifold edge (e, 2), whose corners of faces (m, 3) are not joined across edges."""
+    """Count vertices whose faces (m, 3) are not connected across edges, except at non-manifold edges (e, 2)."""
     corners, starts = np.arange(faces.size).reshape(-1, 3), faces.ravel()
     after = corners[:, [1, 2, 0]].ravel()
-    first, last = paired_half_edges(faces, n)
+    first, last = half_edge_pairs(faces, n)
     same = starts[first] == starts[last]  # the faces disagree, but are connected all the same
     row = np.concatenate([first, after[first]])
     column = np.concatenate([np.where(same, last, after[last]), np.where(same, after[last], last)])
@@ -177,28 +177,28 @@ def _count_touching(faces: IntArray, non_manifold: IntArray, n: int) -> int:
 
 
 def _largest_piece(edges: IntArray, n: int) -> int:
-    """Most vertices of n that edges (e, 2) connect."""
+    """Number of vertices, of n, of the largest component that edges (e, 2) connect."""
     if not len(edges):
         return min(n, 1)
     graph = coo_array((np.ones(len(edges)), tuple(edges.T)), shape=(n, n))
     return int(np.bincount(connected_components(graph, directed=False)[1]).max())
 
 
-def _as_mesh(mesh: TriangleMesh | ArrayLike, faces: ArrayLike | None) -> TriangleMesh:
+def _ensure_mesh(mesh: TriangleMesh | ArrayLike, faces: ArrayLike | None) -> TriangleMesh:
     if isinstance(mesh, TriangleMesh):
-        return as_mesh(mesh, faces)
+        return ensure_mesh(mesh, faces)
     return triangle_mesh(mesh, [] if faces is None else faces)
 
 
 def is_fit(mesh: TriangleMesh, report: MeshReport) -> bool:
-    """Whether curvature can be estimated at all: from enough points, or enough vertices that faces connect."""
+    """Whether curvature can be estimated at all: enough points, or enough connected vertices."""
     if mesh.face_count == 0:
-        return mesh.vertex_count >= FEWEST_POINTS
-    return report.largest_piece >= FEWEST_POINTS and bool(_has_sides(mesh))
+        return mesh.vertex_count >= MIN_FIT_POINTS
+    return report.largest_piece >= MIN_FIT_POINTS and bool(_has_sides(mesh))
 
 
 def _has_sides(mesh: TriangleMesh) -> bool:
-    """Whether faces leave any vertex with a normal: pairs that lie back to back leave none."""
+    """Whether any vertex has a normal: pairs of faces back to back cancel out."""
     normals = area_vectors(mesh.vertices, mesh.faces)
     total = np.zeros((mesh.vertex_count, 3))
     for k in range(3):
@@ -207,30 +207,30 @@ def _has_sides(mesh: TriangleMesh) -> bool:
 
 
 def diagnose(mesh: TriangleMesh | ArrayLike, report: MeshReport | ArrayLike | None = None) -> list[str]:
-    """What stands in the way of good estimates, each with its remedy in pymeshlab; empty if nothing does.
+    """List faults that impair the estimates, each with its remedy in pymeshlab; empty if there are none.
 
     Parameters
     ----------
     mesh : TriangleMesh, or (n, 3) array_like of float
         A mesh, or the coordinates of its vertices.
     report : MeshReport, or (m, 3) array_like of int, optional
-        From `inspect_mesh` of the same mesh, if that is known; or triangles, if `mesh` is an array.
+        From `inspect_mesh` of the same mesh, if available; or triangles, if `mesh` is an array.
 
     Examples
     --------
     >>> diagnose([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
-    ['3 vertices at most are connected by faces: curvature takes 6 or more']
+    ['at most 3 vertices are connected by faces: curvature needs 6 or more']
     """
-    mesh = _as_mesh(mesh, None if isinstance(report, MeshReport) else report)
+    mesh = _ensure_mesh(mesh, None if isinstance(report, MeshReport) else report)
     report = report if isinstance(report, MeshReport) else inspect_mesh(mesh)
     if mesh.face_count == 0:
-        if mesh.vertex_count < FEWEST_POINTS:
-            return [f"{mesh.vertex_count:,} vertices without faces: curvature takes {FEWEST_POINTS} or more"]
-        return ["there are no faces: a point cloud, whose normals tell the outside if it has any"]
+        if mesh.vertex_count < MIN_FIT_POINTS:
+            return [f"{mesh.vertex_count:,} vertices without faces: curvature needs {MIN_FIT_POINTS} or more"]
+        return ["there are no faces: a point cloud; its normals, if it has any, define the outside"]
     findings = []
-    if report.largest_piece < FEWEST_POINTS:
-        pieces = f"{report.largest_piece:,} vertices at most are connected by faces"
-        findings.append(f"{pieces}: curvature takes {FEWEST_POINTS} or more")
+    if report.largest_piece < MIN_FIT_POINTS:
+        pieces = f"at most {report.largest_piece:,} vertices are connected by faces"
+        findings.append(f"{pieces}: curvature needs {MIN_FIT_POINTS} or more")
     elif not report.inner_vertices:
         findings.append("all vertices lie on the border: there is no surface around any of them")
     findings += _orientation_findings(mesh, report)
@@ -239,8 +239,8 @@ def diagnose(mesh: TriangleMesh | ArrayLike, report: MeshReport | ArrayLike | No
             f"{report.unwelded_faces:,} of {mesh.face_count:,} faces ({report.unwelded_faces / mesh.face_count:.0%})"
         )
         findings.append(
-            f"{share} are not welded: {report.doubled_edges:,} border edges lie on others, seams and cracks across "
-            "which nothing is seen (meshing_merge_close_vertices)"
+            f"{share} are not welded: {report.doubled_edges:,} border edges coincide with others, seams and cracks "
+            "that neighbourhoods do not cross (meshing_merge_close_vertices)"
         )
     counts = ((getattr(report, name), text) for name, text in _FINDINGS.items())
     findings += [f"{count:,} {text}" for count, text in counts if count]
@@ -248,7 +248,7 @@ def diagnose(mesh: TriangleMesh | ArrayLike, report: MeshReport | ArrayLike | No
 
 
 def orientation_findings(mesh: TriangleMesh) -> list[str]:
-    """Those of `diagnose` that say where signs of curvatures and normals are wrong."""
+    """Findings of `diagnose` about wrong signs of curvatures and normals."""
     report = inspect_mesh(mesh)
     count = report.inside_out_bodies
     return _orientation_findings(mesh, report) + ([f"{count:,} {_FINDINGS['inside_out_bodies']}"] if count else [])
@@ -260,22 +260,22 @@ def _orientation_findings(mesh: TriangleMesh, report: MeshReport) -> list[str]:
         return [f"{share} are flipped against the others: signs are wrong there (meshing_re_orient_faces_coherently)"]
     if report.incoherent_edges:
         return [
-            f"{report.incoherent_edges:,} edges between faces that disagree about the outside, and always will: a "
-            "surface with one side; signs are wrong there"
+            f"{report.incoherent_edges:,} edges between faces that cannot agree on an outside: a one-sided surface; "
+            "signs are wrong there"
         ]
     return []
 
 
 def explain(failure: str, otherwise: str, mesh: TriangleMesh) -> str:
-    """A failure with what stands in its way by `diagnose`, and whether `repair` of the filters helps, in one line.
+    """A failure with the findings of `diagnose`, and whether `repair` of the filters helps, in one line.
 
-    Where nothing does, the other reason is given.
+    Without findings, the text `otherwise` gives the reason.
     """
     report = inspect_mesh(mesh)
     text = f"{failure}: {'; '.join(diagnose(mesh, report)) or otherwise}"
-    return f"{text}; repair=True of the filter mends what can be mended" if can_be_repaired(report) else text
+    return f"{text}; repair=True of the filter repairs some of it" if can_be_repaired(report) else text
 
 
 def can_be_repaired(report: MeshReport) -> bool:
-    """Whether `repair` of the filters mends something."""
+    """Whether `repair` of the filters removes any fault."""
     return any(getattr(report, name) for name in _REPAIRABLE)

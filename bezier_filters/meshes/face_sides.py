@@ -7,27 +7,28 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
-from bezier_filters.meshes.half_edges import distinct_edges, ends_of_half_edges, paired_half_edges
+from bezier_filters.meshes.half_edges import distinct_edges, ends_of_half_edges, half_edge_pairs
 from bezier_filters.meshes.triangles import area_vectors
 
-FLAT = 1e-9  # of the surface area times the diagonal of the bounding box: a smaller volume tells no outside
-MOST_NESTED = 100  # bodies inside out that are looked for in others; of more, the box around each has to do
+# least volume, over the surface area times the diagonal of the bounding box, whose sign determines the outside
+MIN_RELATIVE_VOLUME = 1e-9
+MAX_NESTED_BODIES = 100  # inside-out bodies tested for being cavities by solid angles; the others by bounding boxes
 
 
 @dataclass(frozen=True)
 class FaceSides:
-    """What `face_sides` found; a body is a connected part without a border, whose faces can agree."""
+    """Result of `face_sides`; a body is a component without a border that can be oriented."""
 
-    flipped: BoolArray  # (m,): faces that disagree with most of their part, or with the outside of their body
-    inside_out: BoolArray  # (m,): faces of bodies that agree on the wrong side
+    flipped: BoolArray  # (m,): faces against most of their component, or against the outside of their body
+    inside_out: BoolArray  # (m,): faces of bodies that are oriented inwards as a whole
     inside_out_bodies: int
 
 
 def face_sides(vertices: FloatArray, faces: IntArray) -> FaceSides:
-    """Find out which faces (m, 3) of vertices (n, 3), welded and none of them naming a vertex twice, look inwards.
+    """Find the faces (m, 3) of welded vertices (n, 3) that point inwards; no face may repeat a vertex.
 
-    Faces are connected across edges of two. A body looks outwards where its volume is positive, unless it is a cavity:
-    inside out, and within another body. On one-sided surfaces, and on flat ones, nothing is flipped or inside out.
+    Faces are connected across edges of two faces. A body is oriented outwards if its volume is positive, or if it is
+    a cavity: inside out, within another body. On one-sided and on flat surfaces, nothing is flipped or inside out.
 
     >>> from bezier_filters.surfaces import sphere
     >>> ball = sphere(resolution=4)
@@ -39,21 +40,22 @@ def face_sides(vertices: FloatArray, faces: IntArray) -> FaceSides:
     sizes = np.bincount(part, minlength=count)
     most = 2 * np.bincount(part, weights=turned, minlength=count) > sizes
     flipped = two_sided[part] & (turned != most[part])
-    is_body = two_sided & _closed(faces, part, count, len(vertices))
+    is_body = two_sided & _are_closed(faces, part, count, len(vertices))
     corners = vertices[faces] - (vertices.mean(axis=0) if len(vertices) else 0.0)
     volumes = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6.0
-    # of the part, if all of its faces looked as most of them do
+    # volume of the component after its flipped faces are turned
     volume = np.bincount(part, weights=np.where(flipped, -volumes, volumes), minlength=count)
     area = 0.5 * np.bincount(part, weights=np.linalg.norm(area_vectors(vertices, faces), axis=1), minlength=count)
     low, high = _boxes(vertices, faces, part, count)
-    inwards = is_body & (volume < -FLAT * area * np.linalg.norm(high - low, axis=1))
+    inwards = is_body & (volume < -MIN_RELATIVE_VOLUME * area * np.linalg.norm(high - low, axis=1))
     bodies = np.flatnonzero(inwards)
     for k, body in enumerate(bodies[np.argsort(-sizes[bodies], kind="stable")]):
         around = is_body & (low <= low[body]).all(axis=1) & (high >= high[body]).all(axis=1)
         around[body] = False
         point = vertices[faces[part == body][0, 0]] if around.any() else vertices[0]
         inwards[body] = not any(
-            k >= MOST_NESTED or _is_inside(point, vertices, faces[part == other]) for other in np.flatnonzero(around)
+            k >= MAX_NESTED_BODIES or _is_inside(point, vertices, faces[part == other])
+            for other in np.flatnonzero(around)
         )
     mixed = np.bincount(part, weights=flipped, minlength=count) > 0
     wrong = inwards[part] & mixed[part]
@@ -62,12 +64,12 @@ def face_sides(vertices: FloatArray, faces: IntArray) -> FaceSides:
 
 
 def _parts(faces: IntArray, n: int) -> tuple[IntArray, BoolArray, BoolArray]:
-    """Part of each face (m,), whether it is turned against the first one there (m,), and which parts have two sides.
+    """Component of each face (m,), whether it is turned against the first one (m,), and two-sided components.
 
-    Every face is there twice, once for each side; where two faces agree, the same sides are joined, else others.
+    The graph has two nodes per face, one for each side. Equal sides of faces that agree are joined, else opposite ones.
     """
     m = len(faces)
-    first, last = paired_half_edges(faces, n)
+    first, last = half_edge_pairs(faces, n)
     starts, _ = ends_of_half_edges(faces)
     agree = starts[first] != starts[last]
     one, other = first // 3, last // 3
@@ -82,8 +84,8 @@ def _parts(faces: IntArray, n: int) -> tuple[IntArray, BoolArray, BoolArray]:
     return part.ravel().astype(np.int32), front > back, two_sided
 
 
-def _closed(faces: IntArray, part: IntArray, count: int, n: int) -> BoolArray:
-    """Which parts have no edge but those of two faces, (count,)."""
+def _are_closed(faces: IntArray, part: IntArray, count: int, n: int) -> BoolArray:
+    """Which components have two faces at every edge, (count,)."""
     _, edge, of_edge = distinct_edges(faces, n)
     closed = np.ones(count, dtype=np.bool_)
     closed[part[np.flatnonzero(of_edge[edge] != 2) // 3]] = False
@@ -91,7 +93,7 @@ def _closed(faces: IntArray, part: IntArray, count: int, n: int) -> BoolArray:
 
 
 def _boxes(vertices: FloatArray, faces: IntArray, part: IntArray, count: int) -> tuple[FloatArray, FloatArray]:
-    """Lowest and highest coordinates of each part, each (count, 3)."""
+    """Lowest and highest coordinates of each component, each (count, 3)."""
     low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
     for k in range(3):
         np.minimum.at(low, part, vertices[faces[:, k]])
@@ -100,7 +102,7 @@ def _boxes(vertices: FloatArray, faces: IntArray, part: IntArray, count: int) ->
 
 
 def _is_inside(point: FloatArray, vertices: FloatArray, faces: IntArray) -> bool:
-    """Whether a closed surface goes around a point, by the solid angle of its faces."""
+    """Whether a closed surface encloses a point, by the solid angle of its faces."""
     a, b, c = np.moveaxis(vertices[faces] - point, 1, 0)
     lengths = [np.linalg.norm(side, axis=1) for side in (a, b, c)]
     above = np.einsum("ij,ij->i", a, np.cross(b, c))

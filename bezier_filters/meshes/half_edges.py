@@ -1,4 +1,4 @@
-"""Edges and half-edges: which faces meet there and at which angles, and the loops of those without another face.
+"""Edges and half-edges: adjacent faces, dihedral angles, and boundary loops.
 
 Half-edge 3 f + k runs from corner k of face f to the next corner.
 """
@@ -13,13 +13,13 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray, unique_rows
-from bezier_filters.meshes.mesh import TriangleMesh, as_mesh
+from bezier_filters.meshes.mesh import TriangleMesh, ensure_mesh
 from bezier_filters.meshes.triangles import area_vectors, unit_normal
 from bezier_filters.runtime.jit import inner_jit, jit, short_jit
 from bezier_filters.runtime.parallel import run_kernel
 
-COINCIDENT = 1e-4  # of the longest border edge at a vertex: others nearer than that lie at the same place
-UNCLEAR = -2  # in the place of the opposite half-edge, where there is not just one
+COINCIDENCE_TOLERANCE = 1e-4  # distance up to which vertices coincide, over the longest border edge at them
+NON_MANIFOLD = -2  # stands for the opposite half-edge where it is not unique
 
 
 def ends_of_half_edges(faces: IntArray) -> tuple[IntArray, IntArray]:
@@ -28,12 +28,12 @@ def ends_of_half_edges(faces: IntArray) -> tuple[IntArray, IntArray]:
 
 
 def proper_faces(faces: IntArray) -> IntArray:
-    """Those of some faces (m, 3) that name no vertex twice."""
+    """Faces of (m, 3) with three different vertices."""
     return np.asarray(faces[(faces != faces[:, [1, 2, 0]]).all(axis=1)])
 
 
 def distinct_edges(faces: IntArray, n: int) -> tuple[IntArray, IntArray, IntArray]:
-    """Edges of faces (m, 3) between n vertices, each once: ends (e, 2), the edge of each half-edge, how many it has."""
+    """Edges of faces (m, 3) between n vertices: ends (e, 2), the edge of each half-edge, half-edges per edge."""
     starts, ends = (side.astype(np.int64) for side in ends_of_half_edges(faces))
     keys, number, count = np.unique(
         np.minimum(starts, ends) * n + np.maximum(starts, ends), return_inverse=True, return_counts=True
@@ -43,20 +43,20 @@ def distinct_edges(faces: IntArray, n: int) -> tuple[IntArray, IntArray, IntArra
 
 
 def _first_and_last(edge: IntArray, count: IntArray) -> tuple[IntArray, IntArray]:
-    """First and last half-edge of each edge, given the edge of each half-edge and how many it has."""
+    """First and last half-edge of each edge, given the edge of each half-edge and the half-edges per edge."""
     order = np.argsort(edge, kind="stable").astype(np.int32)
     return order[np.cumsum(count) - count], order[np.cumsum(count) - 1]
 
 
-def paired_half_edges(faces: IntArray, n: int) -> tuple[IntArray, IntArray]:
-    """The two half-edges of every edge that has just two, each (e,)."""
+def half_edge_pairs(faces: IntArray, n: int) -> tuple[IntArray, IntArray]:
+    """Both half-edges of every edge with exactly two, each (e,)."""
     _, edge, count = distinct_edges(faces, n)
     first, last = _first_and_last(edge, count)
     return first[count == 2], last[count == 2]
 
 
 def faces_at_edges(faces: IntArray, starts: IntArray, ends: IntArray) -> IntArray:
-    """Which of some faces (m, 3) runs along each edge from start to end, -1 if none does, (k,).
+    """Face (of m) with the half-edge from each start to its end, -1 if there is none, (k,).
 
     >>> faces = np.array([[0, 1, 2], [2, 1, 3]], dtype=np.int32)
     >>> faces_at_edges(faces, np.array([2, 1, 1], dtype=np.int32), np.array([1, 2, 0], dtype=np.int32))
@@ -69,28 +69,28 @@ def faces_at_edges(faces: IntArray, starts: IntArray, ends: IntArray) -> IntArra
 
 
 def face_neighbours(faces: IntArray) -> IntArray:
-    """Face beyond the edge from corner k to the next, -1 at the border, (m, 3), of manifold, oriented faces."""
+    """Face across the edge from corner k to the next, -1 at the border, (m, 3), of manifold, oriented faces."""
     found = np.empty_like(faces)
-    find_neighbours(faces, room_for_half_edges(faces.size, 1 + int(faces.max(initial=0))), found)
+    find_neighbours(faces, allocate_half_edges(faces.size, 1 + int(faces.max(initial=0))), found)
     return found
 
 
 class HalfEdgeLists(NamedTuple):
-    """Half-edges by the vertex where they start: to look up edges of few faces faster than by sorting."""
+    """Linked lists of the half-edges that start at each vertex; for few faces faster than sorting."""
 
     first: IntArray  # (n,): the first half-edge of each vertex, -1 if there is none
-    following: IntArray  # (3 m,): the one after each
+    following: IntArray  # (3 m,): the next one in the list of each
 
 
 def half_edge_lists(faces: IntArray, n: int) -> HalfEdgeLists:
-    """The half-edges of faces (m, 3) between n vertices."""
-    lists = room_for_half_edges(faces.size, n)
+    """Lists of the half-edges of faces (m, 3) between n vertices."""
+    lists = allocate_half_edges(faces.size, n)
     _link(faces, lists)
     return lists
 
 
-def room_for_half_edges(count: int, n: int) -> HalfEdgeLists:
-    """Lists of so many half-edges between n vertices, to be written."""
+def allocate_half_edges(count: int, n: int) -> HalfEdgeLists:
+    """Allocate lists of `count` half-edges between n vertices."""
     return HalfEdgeLists(np.empty(n, dtype=np.int32), np.empty(count, dtype=np.int32))
 
 
@@ -106,7 +106,7 @@ def _link(faces: IntArray, lists: HalfEdgeLists) -> None:
 
 @inner_jit()
 def face_at_edge(faces: IntArray, lists: HalfEdgeLists, start: int, end: int) -> int:
-    """The face along an edge from start to end, -1 if there is none."""
+    """The face with the half-edge from start to end, -1 if there is none."""
     place = lists.first[start]
     while place >= 0 and faces[place // 3, (place + 1) % 3] != end:
         place = lists.following[place]
@@ -131,9 +131,9 @@ def find_neighbours(faces: IntArray, lists: HalfEdgeLists, found: IntArray) -> N
 def normals_along(
     points: FloatArray, faces: IntArray, lists: HalfEdgeLists, loop: IntArray, *, beyond: bool
 ) -> FloatArray:
-    """Unit normals of the faces along the edges of a loop, or beyond them, zero where there is none, (k, 3).
+    """Unit normals (k, 3) of the faces along the edges of a loop, or across them; zero where there is no face.
 
-    Each belongs to the edge that begins at a vertex.
+    Row k belongs to the edge that starts at loop[k].
     """
     normals = np.zeros((len(loop), 3))
     _write_normals(points, faces, lists, loop, beyond, normals)
@@ -155,29 +155,29 @@ def _write_normals(
 def half_edge_twins(faces: IntArray, n: int) -> IntArray:
     """Opposite half-edges of faces (m, 3) between n vertices, (3 m,).
 
-    It is -1 on the boundary, `UNCLEAR` at edges of more faces or of two that disagree.
+    -1 on the boundary, `NON_MANIFOLD` at edges with more than two faces or with two that disagree.
     """
     start, end = ends_of_half_edges(faces)
     _, edge, count = distinct_edges(faces, n)
     first, last = _first_and_last(edge, count)
     twin = first[edge] + (last[edge] - np.arange(len(edge)))
     opposite = (count == 2) & (start[first] == end[last])
-    return np.where(opposite[edge], twin, np.where(count[edge] == 1, -1, UNCLEAR)).astype(np.int32)
+    return np.where(opposite[edge], twin, np.where(count[edge] == 1, -1, NON_MANIFOLD)).astype(np.int32)
 
 
 @dataclass(frozen=True)
 class MeshEdges:
-    """The distinct edges of a mesh; those of faces that name a vertex twice are left out."""
+    """The distinct edges of a mesh, without edges of faces that repeat a vertex."""
 
     vertices: IntArray  # (e, 2): their ends, the smaller one first; rows in ascending order
-    # (m, 3): number of the edge from each corner of a face to the next; -1 where the face names a vertex twice
+    # (m, 3): number of the edge from each corner of a face to the next; -1 where the face repeats a vertex
     of_faces: IntArray
-    # (e,): angle between the normals of the two faces, in radians, 0 to pi: 0 where the surface is flat, where there
-    # are not just two faces, and where a face has no area
+    # (e,): angle between the normals of the two faces, in radians, 0 to pi: 0 where the surface is flat, where the
+    # edge does not have two faces, and where a face has zero area
     angles: FloatArray
     is_convex: BoolArray  # (e,): whether the faces bend away from the outside
-    # (e,): length across the edge of the part of its faces that is nearer to it than to their other edges: two thirds
-    # of their area over the length of the edge, a third of each height
+    # (e,): width across the edge of the strip that is nearer to it than to the other edges of its faces: a third of
+    # each height, which is two thirds of their area over the length of the edge
     widths: FloatArray
 
 
@@ -223,17 +223,18 @@ def mesh_edges(mesh: TriangleMesh) -> MeshEdges:
 
 @dataclass(frozen=True)
 class BorderEdges:
-    """The half-edges without another face, and what is unclear around them."""
+    """Half-edges at the border, and the non-manifold vertices among their ends."""
 
-    # each (b,): the vertices where they start and end, and the third one of their faces
+    # each (b,): start, end, and third vertex of the face
     start: IntArray
     end: IntArray
     third: IntArray
-    unclear: BoolArray  # (n,): vertices of edges at the border with three faces or more, or with two that disagree
+    # (n,): vertices of edges with three faces or more, or with two that disagree, among the faces at the border
+    non_manifold: BoolArray
 
 
 def faces_at(faces: IntArray, marked: BoolArray) -> IntArray:
-    """Numbers of the faces with a marked vertex."""
+    """Indices of the faces with a marked vertex."""
     found = np.empty(len(faces), dtype=np.bool_)
     run_kernel(_touch, len(faces), faces, marked, found)
     return np.flatnonzero(found).astype(np.int32)
@@ -246,29 +247,29 @@ def _touch(faces: IntArray, marked: BoolArray, found: BoolArray, start: int, sto
 
 
 def border_edges(mesh: TriangleMesh, on_boundary: BoolArray) -> BorderEdges:
-    """The border of a mesh, found among the faces at the boundary, with the `on_boundary` of `Adjacency`."""
+    """Border of a mesh, from the faces at the boundary; `on_boundary` is that of `Adjacency`."""
     faces = proper_faces(mesh.faces[faces_at(mesh.faces, on_boundary)])
     twin = half_edge_twins(faces, mesh.vertex_count)
     start, end = ends_of_half_edges(faces)
-    # Where the other face of an edge was left out, one of its ends is not on the boundary.
+    # An edge whose other face is not among these has an end that is not on the boundary.
     borders = (twin == -1) & on_boundary[start] & on_boundary[end]
     third = faces[:, [2, 0, 1]].ravel()
-    unclear = np.zeros(mesh.vertex_count, dtype=np.bool_)
-    unclear[start[twin == UNCLEAR]] = unclear[end[twin == UNCLEAR]] = True
-    return BorderEdges(start[borders], end[borders], third[borders], unclear)
+    non_manifold = np.zeros(mesh.vertex_count, dtype=np.bool_)
+    non_manifold[start[twin == NON_MANIFOLD]] = non_manifold[end[twin == NON_MANIFOLD]] = True
+    return BorderEdges(start[borders], end[borders], third[borders], non_manifold)
 
 
-def unclear_vertices(mesh: TriangleMesh) -> BoolArray:
-    """Vertices of edges with three faces or more, or with two that run through it the same way, (n,)."""
-    return border_edges(mesh, np.ones(mesh.vertex_count, dtype=np.bool_)).unclear
+def non_manifold_edge_vertices(mesh: TriangleMesh) -> BoolArray:
+    """Vertices (n,) of edges with three faces or more, or with two in the same direction."""
+    return border_edges(mesh, np.ones(mesh.vertex_count, dtype=np.bool_)).non_manifold
 
 
-def doubled_edges(mesh: TriangleMesh, border: BorderEdges) -> BoolArray:
-    """Border edges that lie on another one, as in files of patches or seams that have vertices twice, (b,).
+def coincident_border_edges(mesh: TriangleMesh, border: BorderEdges) -> BoolArray:
+    """Border edges (b,) that coincide with another one, as at seams whose vertices a file stores twice.
 
-    They count unless their faces lie on each other, too, as in a sheet of two sides.
+    Edges whose faces coincide as well do not count, as in a two-sided sheet.
     """
-    welded, n = welded_vertices(mesh, border), mesh.vertex_count
+    welded, n = weld_vertices(mesh, border), mesh.vertex_count
     start, end, third = (welded[ends].astype(np.int64) for ends in (border.start, border.end, border.third))
     _, edge_of, count = np.unique(
         np.minimum(start, end) * n + np.maximum(start, end), return_inverse=True, return_counts=True
@@ -277,22 +278,22 @@ def doubled_edges(mesh: TriangleMesh, border: BorderEdges) -> BoolArray:
     return np.asarray((start != end) & (count[edge_of] > same[face_of]))
 
 
-def welded_vertices(mesh: TriangleMesh, border: BorderEdges) -> IntArray:
-    """For each vertex, one that stands for all vertices of faces at the border that lie at its place, (n,)."""
+def weld_vertices(mesh: TriangleMesh, border: BorderEdges) -> IntArray:
+    """Representative (n,) of each vertex among the coincident vertices of faces at the border."""
     ids = np.unique(np.concatenate([border.start, border.end, border.third]))
     edge = np.linalg.norm(mesh.vertices[border.end] - mesh.vertices[border.start], axis=1)
     longest = np.zeros(mesh.vertex_count)
     np.maximum.at(longest, border.start, edge)
     np.maximum.at(longest, border.end, edge)
-    place = _welded(mesh.vertices[ids], COINCIDENT * longest[ids])
+    place = _group_coincident(mesh.vertices[ids], COINCIDENCE_TOLERANCE * longest[ids])
     welded = np.arange(mesh.vertex_count, dtype=np.int32)
     _, first = np.unique(place, return_index=True)
     welded[ids] = ids[first[place]]
     return welded
 
 
-def _welded(points: FloatArray, tolerances: FloatArray) -> IntArray:
-    """A number for each point, (k,), the same for those no farther from each other than their tolerances."""
+def _group_coincident(points: FloatArray, tolerances: FloatArray) -> IntArray:
+    """Group number of each point, (k,): points within their tolerances of each other share a group."""
     places, place = unique_rows(points)
     place, reach = place.ravel(), np.zeros(len(places))
     np.maximum.at(reach, place, tolerances)
@@ -321,20 +322,20 @@ def boundary_loops(mesh: TriangleMesh | ArrayLike, faces: ArrayLike | None = Non
     -------
     list of (k,) int32
         Loops ordered by their smallest vertex, at which each one starts. A border that meets an edge with more than two
-        faces, or with two that run through it the same way, is no loop and not among them; `fill_holes` lists it.
+        faces, or with two in the same direction, is not a loop and is omitted; `fill_holes` lists it.
 
     Examples
     --------
     >>> boundary_loops([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
     [array([0, 1, 2], dtype=int32)]
     """
-    mesh = as_mesh(mesh, faces)
+    mesh = ensure_mesh(mesh, faces)
     proper = proper_faces(mesh.faces)
     twin, start = half_edge_twins(proper, mesh.vertex_count), proper.ravel()
     boundary = np.flatnonzero(twin == -1)
     following = np.arange(len(twin)).reshape(-1, 3)[:, [1, 2, 0]].ravel()
-    successor = np.where(twin == UNCLEAR, np.arange(len(twin)), following).astype(np.int32)
-    # Turn around the end vertex of all boundary half-edges at once, each within its own fan of faces.
+    successor = np.where(twin == NON_MANIFOLD, np.arange(len(twin)), following).astype(np.int32)
+    # Rotate about the end vertex of all boundary half-edges at once, each within its own fan of faces.
     turning = boundary
     while len(turning):
         turning = turning[twin[successor[turning]] >= 0]
@@ -344,9 +345,9 @@ def boundary_loops(mesh: TriangleMesh | ArrayLike, faces: ArrayLike | None = Non
 
 
 def cycles(successor: IntArray, order: IntArray) -> list[IntArray]:
-    """Cycles of a permutation, given by what follows each item, in the order of items at which they begin.
+    """Cycles of a permutation, given by the successor of each item, in the order of their first items.
 
-    Where no item is followed twice, but some are the last and follow themselves, it gives pieces of paths, too.
+    Items that are their own successors may end paths; these are returned as well.
     """
     items, ends = np.empty(len(successor), dtype=np.int32), np.empty_like(order)
     count = _follow(successor, order, np.zeros(len(successor), dtype=np.bool_), items, ends)
@@ -355,7 +356,7 @@ def cycles(successor: IntArray, order: IntArray) -> list[IntArray]:
 
 @jit()
 def _follow(successor: IntArray, order: IntArray, seen: BoolArray, items: IntArray, ends: IntArray) -> int:
-    """Write the items of all cycles and where each of these ends; return how many they are."""
+    """Write the items of all cycles and the end of each; return the number of cycles."""
     written, count = 0, 0
     for first in order:
         item = first

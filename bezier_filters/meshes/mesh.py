@@ -1,4 +1,4 @@
-"""The triangle mesh that every array function works on, checked once."""
+"""The triangle mesh of all array functions, validated once."""
 
 import os
 from collections.abc import Callable
@@ -9,22 +9,22 @@ from typing import NoReturn, ParamSpec, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bezier_filters.arguments import checks_arguments, in_short, real_array
+from bezier_filters.arguments import brief_repr, checks_arguments, real_array
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
 
 Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")
 
-# what meshes of other libraries have, and arrays do not: see `mesh_objects`
-_OF_MESHES = ("current_mesh", "vertex_matrix", "points", "vertices", "vertex", "GetPoints", "geometry")
-# sizes of the largest coordinate between which fourth powers of lengths and curvatures are floating point numbers
-SMALLEST, LARGEST = 1e-40, 1e40
+# attributes of mesh objects of other libraries that arrays do not have: see `mesh_objects`
+_MESH_ATTRIBUTES = ("current_mesh", "vertex_matrix", "points", "vertices", "vertex", "GetPoints", "geometry")
+# bounds of the largest coordinate, in units of the mesh: fourth powers of lengths and curvatures stay within float64
+MIN_COORDINATE, MAX_COORDINATE = 1e-40, 1e40
 
 
 @dataclass(frozen=True)
 class TriangleMesh:
-    """Vertices and triangles that are known to fit together; make it with `triangle_mesh`.
+    """Validated vertices and triangles; make it with `triangle_mesh`.
 
     Attributes
     ----------
@@ -49,10 +49,10 @@ class TriangleMesh:
 
 
 def takes_arrays(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
-    """Refuse a mesh, or the path of one, as the first argument of a function of vertices and faces.
+    """Refuse a mesh object or a path as the first argument of a function of vertices and faces.
 
-    Without this, Python would say that the faces are missing, which does not help. The other arguments are checked by
-    their annotations.
+    Without this check, Python would only report that the faces are missing. The other arguments are checked by their
+    annotations.
 
     >>> @takes_arrays
     ... def count(vertices, faces):
@@ -68,21 +68,21 @@ def takes_arrays(function: Callable[Parameters, Result]) -> Callable[Parameters,
     checks = checks_arguments(function)
 
     @wraps(function)
-    def checked(*args: Parameters.args, **options: Parameters.kwargs) -> Result:
+    def wrapper(*args: Parameters.args, **options: Parameters.kwargs) -> Result:
         first = args[0] if args else options.get("vertices")
-        if isinstance(first, str | os.PathLike) or any(hasattr(first, name) for name in _OF_MESHES):
+        if isinstance(first, str | os.PathLike) or any(hasattr(first, name) for name in _MESH_ATTRIBUTES):
             raise InvalidMeshError(
                 f"vertices: got a {type(first).__name__}, expected an array of shape (n, 3); "
                 "`vertices, faces = bezier_filters.mesh_arrays(...)` reads meshes and files"
             )
         return checks(*args, **options)
 
-    return checked
+    return wrapper
 
 
 @takes_arrays
 def triangle_mesh(vertices: ArrayLike, faces: ArrayLike) -> TriangleMesh:
-    """Check arrays and make a mesh of them.
+    """Validate arrays and make a mesh of them.
 
     Parameters
     ----------
@@ -94,8 +94,8 @@ def triangle_mesh(vertices: ArrayLike, faces: ArrayLike) -> TriangleMesh:
     Raises
     ------
     InvalidMeshError
-        If a shape is wrong, a coordinate is not finite or beyond `LARGEST`, all are below `SMALLEST`, or an index is
-        out of range.
+        If a shape is wrong, a coordinate is not finite or beyond `MAX_COORDINATE`, all are below `MIN_COORDINATE`, or
+        an index is out of range.
 
     Examples
     --------
@@ -106,12 +106,12 @@ def triangle_mesh(vertices: ArrayLike, faces: ArrayLike) -> TriangleMesh:
     points = _real_array(vertices)
     triangles = _index_array(faces)
     largest = max(points.max(initial=0.0), -points.min(initial=0.0))
-    if not largest <= LARGEST:  # or NaN
-        _explain(points)
-    if 0.0 < largest < SMALLEST:
+    if not largest <= MAX_COORDINATE:  # or NaN
+        _refuse_coordinates(points)
+    if 0.0 < largest < MIN_COORDINATE:
         raise InvalidMeshError(
-            f"vertices: no coordinate is larger than {largest:g}, too small to compute with; scale the mesh to at "
-            f"least {SMALLEST:g}"
+            f"vertices: the largest coordinate is {largest:g}, too small to compute with; scale the mesh to at "
+            f"least {MIN_COORDINATE:g}"
         )
     if triangles.size and (triangles.min() < 0 or triangles.max() >= len(points)):
         raise InvalidMeshError(
@@ -121,22 +121,21 @@ def triangle_mesh(vertices: ArrayLike, faces: ArrayLike) -> TriangleMesh:
     return TriangleMesh(points, np.ascontiguousarray(triangles, dtype=np.int32))
 
 
-def as_mesh(mesh: TriangleMesh | ArrayLike, faces: ArrayLike | None = None) -> TriangleMesh:
-    """A mesh as it is, or made of vertices and faces."""
+def ensure_mesh(mesh: TriangleMesh | ArrayLike, faces: ArrayLike | None = None) -> TriangleMesh:
+    """Return a mesh unchanged, or make one of vertices and faces."""
     if isinstance(mesh, TriangleMesh):
         if faces is not None:
-            raise InvalidMeshError(f"got a TriangleMesh and {in_short(faces)}, expected the mesh alone")
+            raise InvalidMeshError(f"got a TriangleMesh and {brief_repr(faces)}, expected the mesh alone")
         return mesh
     if faces is None:
         raise InvalidMeshError(
-            f"mesh: got {in_short(mesh)}, expected a TriangleMesh, as triangle_mesh(vertices, faces) makes it, or "
-            "vertices and faces"
+            f"mesh: got {brief_repr(mesh)}, expected a TriangleMesh (see triangle_mesh), or vertices and faces"
         )
     return triangle_mesh(mesh, faces)
 
 
-def checked_selection(selected: BoolArray, n: int, name: str = "selected") -> BoolArray:
-    """A selection of n vertices, (n,), or an InvalidParameterError."""
+def check_selection(selected: BoolArray, n: int, name: str = "selected") -> BoolArray:
+    """Validate a selection of n vertices, (n,); InvalidParameterError if it is none."""
     try:
         mask = np.asarray(selected)
     except ValueError as error:
@@ -146,16 +145,16 @@ def checked_selection(selected: BoolArray, n: int, name: str = "selected") -> Bo
     return mask
 
 
-def _explain(points: FloatArray) -> NoReturn:
-    """Say what is wrong with coordinates."""
+def _refuse_coordinates(points: FloatArray) -> NoReturn:
+    """Raise an error that says what is wrong with coordinates."""
     bad = int(np.count_nonzero(~np.isfinite(points).all(axis=1)))
     if bad:
         raise InvalidMeshError(
             f"vertices: {bad} of {len(points)} have a coordinate that is NaN or infinite; remove them first"
         )
-    bad = int(np.count_nonzero((np.abs(points) > LARGEST).any(axis=1)))
+    bad = int(np.count_nonzero((np.abs(points) > MAX_COORDINATE).any(axis=1)))
     raise InvalidMeshError(
-        f"vertices: {bad} of {len(points)} have a coordinate beyond {LARGEST:g}, too large to compute with; "
+        f"vertices: {bad} of {len(points)} have a coordinate beyond {MAX_COORDINATE:g}, too large to compute with; "
         "remove them, or scale the mesh"
     )
 
@@ -173,8 +172,8 @@ def _real_array(vertices: ArrayLike) -> FloatArray:
 def _index_array(faces: ArrayLike) -> IntArray:
     if faces is None:
         raise InvalidMeshError(
-            "faces: got None, expected integers of shape (m, 3); this needs a surface: of points make one first, for "
-            "example with MeshLab's screened Poisson reconstruction"
+            "faces: got None, expected integers of shape (m, 3); this needs a surface: reconstruct one from the points "
+            "first, for example with MeshLab's screened Poisson reconstruction"
         )
     try:
         triangles = np.asarray(faces)
@@ -190,7 +189,7 @@ def _index_array(faces: ArrayLike) -> IntArray:
 
 
 def _remedy(faces: IntArray) -> str:
-    """What to do about faces of another shape."""
+    """Remedy for faces of another shape."""
     if faces.ndim == 1 and len(faces) % 4 == 0 and (faces[::4] == 3).all():
         return "these are pyvista's, with the number 3 before each: pass mesh.regular_faces, or use mesh_arrays(mesh)"
     if faces.ndim == 2 and faces.shape[1] > 3:

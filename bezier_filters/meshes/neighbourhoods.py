@@ -1,4 +1,4 @@
-"""Neighbourhoods of a vertex: k-rings, the vertices within k edges, and balls, those within a distance."""
+"""Neighbourhoods of a vertex: k-rings (vertices within k edges) and balls (vertices within a distance)."""
 
 from typing import NamedTuple
 
@@ -10,14 +10,14 @@ from bezier_filters.errors import InvalidParameterError, is_integer
 from bezier_filters.meshes.adjacency import Adjacency, Rows
 from bezier_filters.runtime.jit import inner_jit, jit, opaque
 
-MOST_RINGS = 1000  # of a neighbourhood that can be asked for: room is made for all the vertices that so many can have
+MAX_NEIGHBOURHOOD_RINGS = 1000  # rings that users may request; work space grows with them
 
 
 @checks_arguments
 def k_rings(adjacency: Adjacency, rings: int) -> Rows:
     """Vertices within `rings` edges of every vertex, the vertex itself first.
 
-    The fit never needs them all at once and collects them one by one; this is for users who do.
+    Fits collect one neighbourhood at a time; this function is for users who need all of them.
 
     Parameters
     ----------
@@ -39,43 +39,43 @@ def k_rings(adjacency: Adjacency, rings: int) -> Rows:
     >>> k_rings(vertex_adjacency(strip), 1).row(3)
     array([3, 1, 2], dtype=int32)
     """
-    if not (is_integer(rings) and 0 <= rings <= MOST_RINGS):
-        raise InvalidParameterError(f"rings: got {rings!r}, expected an integer from 0 to {MOST_RINGS}")
+    if not (is_integer(rings) and 0 <= rings <= MAX_NEIGHBOURHOOD_RINGS):
+        raise InvalidParameterError(f"rings: got {rings!r}, expected an integer from 0 to {MAX_NEIGHBOURHOOD_RINGS}")
     n, rows = len(adjacency.vertices), adjacency.vertices
-    members, (visited, stops) = np.empty(n + 1, dtype=np.int32), np.zeros((2, n), dtype=np.bool_)
+    members, (visited, barriers) = np.empty(n + 1, dtype=np.int32), np.zeros((2, n), dtype=np.bool_)
     found = [np.empty(0, dtype=np.int32)]
     for i in range(n):
-        count, _ = collect_ring(rows.indptr, rows.indices, stops, i, rings, visited, members)
+        count, _ = collect_ring(rows.indptr, rows.indices, barriers, i, rings, visited, members)
         found.append(members[:count].copy())
     indptr = np.cumsum([len(row) for row in found], dtype=np.int32)
     return Rows(indptr, np.concatenate(found))
 
 
-class SearchRoom(NamedTuple):
-    """Work space for searches among n vertices, one after the other: new one takes longer to get than small rings."""
+class SearchWorkspace(NamedTuple):
+    """Work space of searches among n vertices, reused because allocation takes longer than a small search."""
 
     visited: BoolArray  # (n,): false everywhere before and after
     members: IntArray  # (n + 1,)
 
 
-def search_room(n: int) -> SearchRoom:
-    """Room for n vertices, of which no more is touched than searches meet."""
-    return SearchRoom(np.zeros(n, dtype=np.bool_), np.empty(n + 1, dtype=np.int32))
+def search_workspace(n: int) -> SearchWorkspace:
+    """Work space for n vertices; searches touch only the entries of the vertices they meet."""
+    return SearchWorkspace(np.zeros(n, dtype=np.bool_), np.empty(n + 1, dtype=np.int32))
 
 
 def rings_around(
-    neighbours: Rows, seeds: IntArray, rings: int, room: SearchRoom | None = None
+    neighbours: Rows, seeds: IntArray, rings: int, room: SearchWorkspace | None = None
 ) -> tuple[IntArray, IntArray]:
-    """Some vertices, those one edge away, and so on, and how many edges each is away.
+    """Vertices within some rings of the seeds, and the distance of each in edges.
 
-    Each ring is in the order in which it is met from the one before.
+    The seeds come first; each ring is in the order in which the search meets it.
 
     >>> path = Rows(np.array([0, 1, 3, 4], np.int32), np.array([1, 0, 2, 1], np.int32))
     >>> members, distances = rings_around(path, np.array([1], np.int32), 2)
     >>> members.tolist(), distances.tolist()
     ([1, 0, 2], [0, 1, 1])
     """
-    visited, members = room or search_room(len(neighbours))
+    visited, members = room or search_workspace(len(neighbours))
     ends = np.zeros(rings + 1, dtype=np.int32)
     members[: len(seeds)], ends[0] = seeds, len(seeds)
     _spread(neighbours.indptr, neighbours.indices, visited, members, ends)
@@ -85,7 +85,7 @@ def rings_around(
 
 @jit()
 def _spread(indptr: IntArray, indices: IntArray, visited: BoolArray, members: IntArray, ends: IntArray) -> None:
-    """Write ring after ring behind the members before the first end, and where each ends."""
+    """Append ring after ring to the members before the first end, and write the end of each."""
     for a in range(ends[0]):
         visited[members[a]] = True
     start = opaque(0)
@@ -97,29 +97,29 @@ def _spread(indptr: IntArray, indices: IntArray, visited: BoolArray, members: In
                 count += not visited[indices[q]]
                 visited[indices[q]] = True
         start, ends[ring] = ends[ring - 1], count
-    forget(visited, members, ends[ends.shape[0] - 1])
+    clear_marks(visited, members, ends[ends.shape[0] - 1])
 
 
 @jit()
 def collect_ring(
     indptr: IntArray,
     indices: IntArray,
-    stops: BoolArray,
+    barriers: BoolArray,
     center: int,
     rings: int,
     visited: BoolArray,
     members: IntArray,
 ) -> tuple[int, int]:
-    """Breadth-first search from one vertex, as far as `rings` edges.
+    """Breadth-first search from one vertex, up to `rings` edges.
 
-    It reaches the vertices marked by `stops` but does not go on from them, unless it starts there. `visited`, false
-    everywhere before and after, is work space. `members` (n + 1,) receives the vertices, the center first, ordered by
-    distance in edges; what comes after is overwritten. Returns how many there are, and how many within one edge less.
+    It reaches vertices marked by `barriers` but does not continue from them, unless it starts there. `visited` is work
+    space, false everywhere before and after. `members` (n + 1,) receives the vertices, the center first, ordered by
+    distance in edges; entries behind them are overwritten. Returns their number, and the number within ``rings - 1``.
     """
     members[0] = center
     visited[center] = True
     inner, count = opaque(0), opaque(1)
-    if rings > 0:  # of the first ring, all are new
+    if rings > 0:  # all vertices of the first ring are new
         inner = count
         for q in range(indptr[center], indptr[center + 1]):
             k = indices[np.uint32(q)]
@@ -128,14 +128,14 @@ def collect_ring(
             count += 1
     for _ in range(1, rings):
         start, inner = inner, count
-        count = next_ring(indptr, indices, stops, start, count, visited, members)
-    forget(visited, members, count)
+        count = next_ring(indptr, indices, barriers, start, count, visited, members)
+    clear_marks(visited, members, count)
     return count, inner
 
 
 @inner_jit()
-def forget(visited: BoolArray, members: IntArray, count: int) -> None:
-    """Make the marks at members[:count] false again."""
+def clear_marks(visited: BoolArray, members: IntArray, count: int) -> None:
+    """Clear the marks at members[:count]."""
     for a in range(count):
         visited[np.uint32(members[a])] = False
 
@@ -144,21 +144,21 @@ def forget(visited: BoolArray, members: IntArray, count: int) -> None:
 def next_ring(
     indptr: IntArray,
     indices: IntArray,
-    stops: BoolArray,
+    barriers: BoolArray,
     start: int,
     stop: int,
     visited: BoolArray,
     members: IntArray,
 ) -> int:
-    """Take the search of `collect_ring` one edge further, from members[start:stop]; return the new count."""
+    """Extend the search of `collect_ring` by one ring, from members[start:stop]; return the new count."""
     count = stop
     for a in range(start, stop):
         j = members[a]
-        if stops[j] and a > 0:
+        if barriers[j] and a > 0:
             continue
         for q in range(indptr[j], indptr[j + 1]):
             k = indices[np.uint32(q)]
-            # Without a branch, as nobody can predict it: what was met before is written over.
+            # No unpredictable branch: the next entry overwrites a vertex that was visited before.
             members[np.uint64(count)] = k
             count += not visited[np.uint32(k)]
             visited[np.uint32(k)] = True
@@ -170,19 +170,19 @@ def collect_ball(
     vertices: FloatArray,
     indptr: IntArray,
     indices: IntArray,
-    stops: BoolArray,
+    barriers: BoolArray,
     center: int,
     radius: float,
     visited: BoolArray,
     members: IntArray,
 ) -> tuple[int, int, int, int]:
-    """Breadth-first search from one vertex that does not leave the ball of a radius around it.
+    """Breadth-first search from one vertex that stays in the ball of a radius around it.
 
-    Another sheet of the surface, or its other side, may lie within the radius, too: what the
-    search cannot reach inside the ball does not belong to the neighbourhood.
+    Another sheet of the surface may lie within the radius as well. Vertices that the search
+    cannot reach inside the ball do not belong to the neighbourhood.
 
-    The rest is as in `collect_ring`. Returns how many vertices were written, how many of them lie within ``rings - 1``
-    edges and, after the center, within one, and the number of rings that the search went through.
+    Arguments are those of `collect_ring`. Returns the number of vertices, the number within ``rings - 1`` edges, the
+    number of neighbours of the center, and the number of rings.
     """
     members[0] = center
     visited[center] = True
@@ -190,7 +190,7 @@ def collect_ball(
     x, y, z = vertices[center, 0], vertices[center, 1], vertices[center, 2]
     while inner < count:
         start, inner = inner, count
-        met = next_ring(indptr, indices, stops, start, inner, visited, members)
+        met = next_ring(indptr, indices, barriers, start, inner, visited, members)
         for a in range(inner, met):
             k = members[a]
             dx, dy, dz = vertices[k, 0] - x, vertices[k, 1] - y, vertices[k, 2] - z
@@ -203,5 +203,5 @@ def collect_ball(
             rings += 1
         if rings == 1:
             neighbours = count - 1
-    forget(visited, members, count)
+    clear_marks(visited, members, count)
     return count, start, neighbours, rings

@@ -1,4 +1,4 @@
-"""Which side of a point cloud is outside: unsigned normals get consistent signs."""
+"""Consistent orientation of the normals of a point cloud."""
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -8,13 +8,13 @@ from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.meshes.adjacency import Rows
 from bezier_filters.runtime.jit import allocating_jit
 
-SHEET = 0.5  # length of the mean normal from which on a cloud is a sheet seen from one side, not a body
+MIN_SHEET_NORMAL = 0.5  # length of the mean normal above which a cloud is a sheet and not a closed body
 
 
 def orient_normals(
     points: FloatArray, normals: FloatArray, neighbours: Rows, given: FloatArray | None = None
 ) -> FloatArray:
-    """Turn normals so that neighbours agree and the outside is outside.
+    """Orient normals consistently between neighbours, and outwards.
 
     Signs spread along the minimum spanning tree of the neighbour graph, between normals that are
     nearly parallel (Hoppe et al., "Surface reconstruction from unorganized points", SIGGRAPH 1992)
@@ -23,7 +23,7 @@ def orient_normals(
     body so that its volume is positive, and a sheet so that the largest component of its mean
     normal is, for example towards +z.
 
-    The neighbour graph is symmetric; `given` (n, 3) are vectors that tell the outside where they are not zero.
+    The neighbour graph is symmetric; `given` (n, 3) are outward vectors, zero where unknown.
 
     >>> points = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]])
     >>> path = Rows(np.array([0, 1, 3, 4], np.int32), np.array([1, 0, 2, 1], np.int32))
@@ -39,7 +39,7 @@ def orient_normals(
     heights = [np.square(np.einsum("ij,ij->i", normals[side], edges)) for side in (start, end)]
     upper = start < end
     agreement = np.abs(np.einsum("ij,ij->i", normals[start], normals[end]))
-    # Sparse graphs take zeros for missing edges: a constant is added, which does not change the tree.
+    # Zeros are missing edges in sparse graphs; an added constant avoids them and does not change the tree.
     costs = 2.0 - agreement + (heights[0] + heights[1]) / squares
     tree = minimum_spanning_tree(coo_array((costs[upper], (start[upper], end[upper])), shape=(n, n)).tocsr())
     parts, part_of = connected_components(tree, directed=False)
@@ -54,7 +54,7 @@ def _walk(tree: coo_array, parts: int, part_of: IntArray) -> tuple[IntArray, Int
     n = tree.shape[0]
     _, roots = np.unique(part_of, return_index=True)
     tree = tree.tocoo()
-    # One more node joins the roots, so that one walk meets all parts.
+    # An extra node joins the roots, so that one traversal reaches all components.
     rows, columns = np.append(tree.row, np.full(parts, n)), np.append(tree.col, roots)
     joined = coo_array((np.ones(len(rows)), (rows, columns)), shape=(n + 1, n + 1)).tocsr()
     order, predecessors = breadth_first_order(joined, n, directed=False)
@@ -77,7 +77,7 @@ def _spread_signs(normals: FloatArray, order: IntArray, predecessors: IntArray) 
 def _outward(
     points: FloatArray, normals: FloatArray, areas: FloatArray, parts: int, part_of: IntArray, given: FloatArray
 ) -> FloatArray:
-    """+1 for each part whose normals point outward, -1 for the others."""
+    """+1 for each component whose normals point outward, else -1."""
 
     def total(values: FloatArray) -> FloatArray:
         return np.bincount(part_of, weights=values, minlength=parts).astype(np.float64)
@@ -87,6 +87,6 @@ def _outward(
     center = np.column_stack([total(areas * points[:, k]) for k in range(3)]) / area[:, np.newaxis]
     volume = total(areas * np.einsum("ij,ij->i", normals, points - center[part_of]))
     main = np.take_along_axis(vector, np.abs(vector).argmax(axis=1)[:, np.newaxis], axis=1)[:, 0]
-    by_shape = np.where(np.linalg.norm(vector, axis=1) > SHEET, main, volume)
-    told = total(np.sign(np.einsum("ij,ij->i", normals, given)))
-    return np.where(np.where(told != 0.0, told, by_shape) < 0.0, -1.0, 1.0)
+    by_shape = np.where(np.linalg.norm(vector, axis=1) > MIN_SHEET_NORMAL, main, volume)
+    votes = total(np.sign(np.einsum("ij,ij->i", normals, given)))
+    return np.where(np.where(votes != 0.0, votes, by_shape) < 0.0, -1.0, 1.0)

@@ -1,4 +1,4 @@
-"""Triangles that cut each other."""
+"""Intersections of triangles."""
 
 from typing import NamedTuple
 
@@ -10,16 +10,16 @@ from bezier_filters.meshes.triangles import area_vector, cosine_between, has_cor
 from bezier_filters.runtime.jit import inner_jit, jit, short_jit
 from bezier_filters.runtime.parallel import run_kernel
 
-LEAF = 8  # boxes that a leaf of their tree has at most
-FOLDED = -0.9999  # cosine of the angle between two faces on one edge from which down they lie on each other
+BOXES_PER_LEAF = 8  # most boxes in a leaf of the bounding volume tree
+MAX_FOLDED_COSINE = -0.9999  # cosine of the angle between normals of faces on one edge below which they overlap
 
 
 def faces_in_boxes(vertices: FloatArray, faces: IntArray, low: FloatArray, high: FloatArray) -> Rows:
-    """Faces whose bounding box meets each of some boxes between corners (b, 3): rows of ascending indices."""
+    """Faces whose bounding boxes meet each box between corners (b, 3): rows of ascending indices."""
     count, nothing = len(low), np.empty(0, dtype=np.int32)
     if count == 0 or len(faces) == 0:
         return Rows(np.zeros(count + 1, dtype=np.int32), nothing)
-    boxes = _sorted_boxes(low, high)
+    boxes = _sort_boxes(low, high)
     first, counts = np.empty(len(faces), dtype=np.int32), np.zeros(count, dtype=np.int32)
     run_kernel(_meet, len(faces), vertices, faces, boxes, first)
     found = np.flatnonzero(first >= 0).astype(np.int32)  # few of many
@@ -32,19 +32,19 @@ def faces_in_boxes(vertices: FloatArray, faces: IntArray, low: FloatArray, high:
 
 
 class _Boxes(NamedTuple):
-    """Boxes along a curve that fills space, and a binary tree over leaves of some of them that follow each other."""
+    """Boxes in Morton order, and a binary tree of bounding boxes over leaves of consecutive ones."""
 
     low: FloatArray  # (b, 3)
     high: FloatArray
-    row: IntArray  # the number of each before they were sorted
-    node_low: FloatArray  # (2 l, 3): of node k, which has the children 2 k and 2 k + 1; the l leaves come last
+    row: IntArray  # (b,): original index of each
+    node_low: FloatArray  # (2 l, 3): node k has the children 2 k and 2 k + 1; the l leaves come last
     node_high: FloatArray
 
 
-def _sorted_boxes(low: FloatArray, high: FloatArray) -> _Boxes:
-    order = _along_curve(0.5 * low + 0.5 * high)
+def _sort_boxes(low: FloatArray, high: FloatArray) -> _Boxes:
+    order = _morton_order(0.5 * low + 0.5 * high)
     low, high = low[order], high[order]
-    first = np.arange(0, len(low), LEAF)
+    first = np.arange(0, len(low), BOXES_PER_LEAF)
     leaves = 1 << (len(first) - 1).bit_length()
     node_low, node_high = np.full((2 * leaves, 3), np.inf), np.full((2 * leaves, 3), -np.inf)
     node_low[leaves : leaves + len(first)] = np.minimum.reduceat(low, first)
@@ -56,9 +56,9 @@ def _sorted_boxes(low: FloatArray, high: FloatArray) -> _Boxes:
     return _Boxes(low, high, order, node_low, node_high)
 
 
-def _along_curve(points: FloatArray) -> IntArray:
-    """Order of points (n, 3) along Morton's curve, (n,); few stay as they are."""
-    if len(points) <= LEAF:
+def _morton_order(points: FloatArray) -> IntArray:
+    """Order of points (n, 3) along the Morton curve, (n,); the identity for few points."""
+    if len(points) <= BOXES_PER_LEAF:
         return np.arange(len(points), dtype=np.int32)
     low = points.min(axis=0)
     cells = ((points - low) * (1023.0 / max(float(np.ptp(points, axis=0).max()), 1e-300))).astype(np.int64)
@@ -69,7 +69,7 @@ def _along_curve(points: FloatArray) -> IntArray:
 
 @jit()
 def _meet(vertices: FloatArray, faces: IntArray, boxes: _Boxes, first: IntArray, start: int, stop: int) -> None:
-    """Write the first box that each of the faces start .. stop-1 meets, -1 if there is none."""
+    """Write the first box that each of faces start .. stop-1 meets, -1 if there is none."""
     for f in range(start, stop):
         first[f] = _next_box(vertices, faces, f, boxes, -1)
 
@@ -78,7 +78,7 @@ def _meet(vertices: FloatArray, faces: IntArray, boxes: _Boxes, first: IntArray,
 def _collect(
     vertices: FloatArray, faces: IntArray, first: IntArray, boxes: _Boxes, places: IntArray, indices: IntArray
 ) -> None:
-    """List the faces in each box, given their first ones, from `places` on; without room for them, count them only."""
+    """Append the faces of each box from `places` on, given their first boxes; only count them if `indices` is empty."""
     for f in range(faces.shape[0]):
         box = first[f]
         while box >= 0:
@@ -91,30 +91,30 @@ def _collect(
 
 @inner_jit()
 def _next_box(vertices: FloatArray, faces: IntArray, f: int, boxes: _Boxes, last: int) -> int:
-    """The next box after the last one that a face meets, -1 if there is none."""
+    """The next box after `last` that a face meets, -1 if there is none."""
     x, end_x = _bounds(vertices, faces, f, 0)
     y, end_y = _bounds(vertices, faces, f, 1)
     z, end_z = _bounds(vertices, faces, f, 2)
     count, leaves, box = boxes.low.shape[0], boxes.node_low.shape[0] // 2, last + 1
-    while box % LEAF != 0 and box < count:  # the rest of the last leaf
+    while box % BOXES_PER_LEAF != 0 and box < count:  # the rest of the last leaf
         if _meets(boxes.low, boxes.high, box, x, end_x, y, end_y, z, end_z):
             return box
         box += 1
     if box >= count:
         return -1
-    node = leaves + box // LEAF
+    node = leaves + box // BOXES_PER_LEAF
     while True:
         while node % 2 == 0:  # the largest subtree that begins here
             node //= 2
         while node < leaves and _meets(boxes.node_low, boxes.node_high, node, x, end_x, y, end_y, z, end_z):
             node *= 2
         if node >= leaves and _meets(boxes.node_low, boxes.node_high, node, x, end_x, y, end_y, z, end_z):
-            first = (node - leaves) * LEAF
-            for k in range(first, min(first + LEAF, count)):
+            first = (node - leaves) * BOXES_PER_LEAF
+            for k in range(first, min(first + BOXES_PER_LEAF, count)):
                 if _meets(boxes.low, boxes.high, k, x, end_x, y, end_y, z, end_z):
                     return k
         node += 1
-        if node & (node - 1) == 0:  # that was the last one of its level
+        if node & (node - 1) == 0:  # past the last node of the level
             return -1
 
 
@@ -130,7 +130,7 @@ def _meets(
     z: float,
     end_z: float,
 ) -> bool:
-    """Whether box k meets another one."""
+    """Whether box k meets a box given by its bounds."""
     return bool(
         low[k, 0] <= end_x
         and x <= high[k, 0]
@@ -149,10 +149,9 @@ def _bounds(vertices: FloatArray, faces: IntArray, f: int, axis: int) -> tuple[f
 
 
 def cut_faces(vertices: FloatArray, faces: IntArray, new: int, names: IntArray | None = None) -> BoolArray:
-    """Which of the last `new` faces cut any other face, or lie folded on one that shares an edge, (new,).
+    """Which of the last `new` faces intersect another face, or overlap one on a common edge, (new,).
 
-    Faces that only touch do not cut. Where vertices are there several times, `names` (m, 3) tell which corners of faces
-    are the same.
+    Faces that only touch do not count. `names` (m, 3) identifies corners where vertices are duplicated.
 
     >>> points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0.2, 0.2, -1], [0.2, 0.2, 1], [2, 2, 0]])
     >>> cut_faces(points, np.array([[0, 1, 2], [3, 4, 5]], dtype=np.int32), 1)
@@ -163,7 +162,7 @@ def cut_faces(vertices: FloatArray, faces: IntArray, new: int, names: IntArray |
     if new:
         low, high = np.empty((2, new, 3))
         _bound(vertices, faces, low, high)
-        boxes = _sorted_boxes(low, high)
+        boxes = _sort_boxes(low, high)
         _find_cuts(vertices, faces, faces if names is None else names, boxes, first, result)
     return result
 
@@ -186,7 +185,7 @@ def _find_cuts(
     first: int,
     result: BoolArray,
 ) -> None:
-    """Mark the faces from the first on that cut another one; the boxes are theirs."""
+    """Mark the faces from `first` on that intersect another one; `boxes` are their bounding boxes."""
     for f in range(faces.shape[0]):
         box = _next_box(vertices, faces, f, boxes, -1)
         while box >= 0:
@@ -197,7 +196,7 @@ def _find_cuts(
 
 @inner_jit()
 def _cut(vertices: FloatArray, faces: IntArray, names: IntArray, f: int, g: int) -> bool:
-    """Whether two faces cut each other."""
+    """Whether two faces intersect."""
     shared = 0
     for k in range(3):
         for j in range(3):
@@ -211,7 +210,7 @@ def _cut(vertices: FloatArray, faces: IntArray, names: IntArray, f: int, g: int)
 
 @inner_jit()
 def _edge_pierces(vertices: FloatArray, faces: IntArray, names: IntArray, f: int, g: int) -> bool:
-    """Whether an edge of face f that does not touch face g goes through it."""
+    """Whether an edge of face f without a corner of face g passes through g."""
     for k in range(3):
         if has_corner(names, g, names[f, k]) or has_corner(names, g, names[f, (k + 1) % 3]):
             continue
@@ -222,19 +221,19 @@ def _edge_pierces(vertices: FloatArray, faces: IntArray, names: IntArray, f: int
 
 @inner_jit()
 def _lie_on_each_other(vertices: FloatArray, faces: IntArray, names: IntArray, f: int, g: int) -> bool:
-    """Whether two faces on one edge are folded on each other."""
+    """Whether two faces on one edge overlap."""
     a, b, c, d = 0, 0, 0, 0
     for k in range(3):
         if not has_corner(names, g, names[f, k]):
             a, b, c = faces[f, (k + 1) % 3], faces[f, (k + 2) % 3], faces[f, k]
         if not has_corner(names, f, names[g, k]):
             d = faces[g, k]
-    return bool(cosine_between(vertices, a, b, c, b, a, d, 1.0) < FOLDED)
+    return bool(cosine_between(vertices, a, b, c, b, a, d, 1.0) < MAX_FOLDED_COSINE)
 
 
 @inner_jit()
 def _pierces(vertices: FloatArray, a: int, b: int, p: int, q: int, r: int) -> bool:
-    """Whether the segment from a to b goes through the triangle (p, q, r)."""
+    """Whether the segment from a to b passes through the triangle (p, q, r)."""
     at_a, at_b = _volume(vertices, p, q, r, a), _volume(vertices, p, q, r, b)
     if not ((at_a > 0.0 and at_b < 0.0) or (at_a < 0.0 and at_b > 0.0)):
         return False
@@ -244,7 +243,7 @@ def _pierces(vertices: FloatArray, a: int, b: int, p: int, q: int, r: int) -> bo
 
 @inner_jit()
 def _volume(vertices: FloatArray, a: int, b: int, c: int, d: int) -> float:
-    """Six times the volume of a tetrahedron; 0 where rounding decides."""
+    """Six times the signed volume of a tetrahedron; 0 within rounding error."""
     x, y, z = area_vector(vertices, a, b, c)
     dx, dy, dz = vertices[d, 0] - vertices[a, 0], vertices[d, 1] - vertices[a, 1], vertices[d, 2] - vertices[a, 2]
     volume = x * dx + y * dy + z * dz

@@ -1,17 +1,17 @@
-"""Which edges of a mesh are sharp: where its faces meet at an angle that the curvature around does not explain.
+"""Sharp edges of a mesh: dihedral angles too large to be explained by the curvature of the surface.
 
-An edge is sharp if its angle is large, and much larger than those of enough edges around. How many are enough depends
-on what it is for: a line too many does little harm, but a fit that ends where it should not has too few points.
+An edge is sharp if its angle is large, and much larger than the angles of enough edges nearby. How many are enough
+depends on the use: a spurious line does little harm, but a fit that ends at a spurious barrier has too few points.
 
-======================  ==================  ============  =====================================================
-function                for                 larger than   of the edges around, so many are so much flatter
-======================  ==================  ============  =====================================================
-`sharp_edges`           lines, holes (35)   40 degrees    a quarter 12.6 times, or sharp as on coarse polyhedra
-`sharp_edge_vertices`   fits                45 degrees    half of them 10 times
-======================  ==================  ============  =====================================================
+======================  ==================  ============  =======================================================
+function                used for            angle above   edges nearby that are much flatter
+======================  ==================  ============  =======================================================
+`sharp_edges`           lines, holes (35)   40 degrees    a quarter by 12.6, or also sharp (on coarse polyhedra)
+`sharp_edge_vertices`   fits                45 degrees    half by 10
+======================  ==================  ============  =======================================================
 
-Lines that stop go straight on along less sharp edges. Noise makes angles, too: `estimation.hidden_edges` applies the
-rules to the denoised surface; there, fits end at the edges of lines, too.
+Lines continue straight on along less sharp edges. Noise causes angles as well: under noise these rules are applied to
+the denoised surface of `estimation.hidden_edges`, where fits end at the edges of lines, too.
 """
 
 from math import cos, radians
@@ -22,51 +22,50 @@ from scipy.special import ndtr
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.meshes.adjacency import Adjacency
-from bezier_filters.meshes.frames import STEEPEST, TangentPlanes, steady_normals, tangent_planes
+from bezier_filters.meshes.frames import MAX_FACE_TILT, TangentPlanes, smooth_normals, tangent_planes
 from bezier_filters.meshes.half_edges import MeshEdges
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.triangles import cosine_between, has_corner, next_corner
 from bezier_filters.runtime.jit import inner_jit, jit
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
 
-SHARP, FOR_FITS = radians(40.0), radians(45.0)  # angles up to which no edge is sharp
-# how many times as sharp an edge must be as a quarter, or half, of those around it, in the same order
-TIMES_A_QUARTER, TIMES_HALF = 12.6, 10.0
-WEAK = 0.75  # times the least angle of sharp edges: that of edges that continue them,
-STRAIGHT_ON = cos(radians(30.0))  # if they go straight on: least cosine of the angle between both
-# least angle between averaged normals at both ends of some edge, where a sharp edge is near: on a box it is half of
-# the angle there
-STEEP = SHARP / 5.0
-EXACT = radians(1.0)  # least standard deviation of an angle
-MOST_EDGES = 256  # around a vertex, of those that are looked at
-# where `TangentPlanes.safe_cosine` is less, the faces differ too little for a sharp edge
-NARROW_CONE = cos(STEEPEST - FOR_FITS / 2.0)
+SHARP_ANGLE, FIT_SHARP_ANGLE = radians(40.0), radians(45.0)  # least angles of sharp edges, for lines and for fits
+# least ratio of the angle of a sharp edge to those of a quarter, or of half, of the edges nearby
+MIN_QUARTER_RATIO, MIN_HALF_RATIO = 12.6, 10.0
+CONTINUATION_RATIO = 0.75  # least angle of an edge that continues a line, over the least angle of sharp edges
+MIN_CONTINUATION_COSINE = cos(radians(30.0))  # least cosine of the angle between consecutive edges of a line
+# least angle between smoothed normals at both ends of an edge near sharp edges: on a box, half of the angle there
+MIN_SMOOTHED_ANGLE = SHARP_ANGLE / 5.0
+MIN_ANGLE_DEVIATION = radians(1.0)  # least standard deviation of an angle
+MAX_RING_EDGES = 256  # edges around a vertex that are examined
+# `TangentPlanes.safe_cosine` below which the faces at a vertex differ too little for a sharp edge
+MAX_SMOOTH_COSINE = cos(MAX_FACE_TILT - FIT_SHARP_ANGLE / 2.0)
 
 
-def sharp_edges(mesh: TriangleMesh, edges: MeshEdges, adjacency: Adjacency, angle: float = SHARP) -> BoolArray:
-    """Which edges (e,) bend by more than an angle, in radians, and by much more than those around, or continue such."""
+def sharp_edges(mesh: TriangleMesh, edges: MeshEdges, adjacency: Adjacency, angle: float = SHARP_ANGLE) -> BoolArray:
+    """Sharp edges (e,): angles above `angle`, in radians, and far above those nearby, and continuations of them."""
     result = np.zeros(len(edges.angles), dtype=np.bool_)
     candidates = np.flatnonzero(edges.angles > angle).astype(np.int32)
     if len(candidates):
         arrays, ring = _edge_arrays(edges, mesh.vertex_count), adjacency.vertices
         _mark(arrays, candidates, ring.indptr, ring.indices, angle, result)
         count = np.bincount(edges.vertices[result].ravel(), minlength=mesh.vertex_count).astype(np.int32)
-        _continue(mesh.vertices, arrays, candidates, WEAK * angle, count, result)
+        _continue(mesh.vertices, arrays, candidates, CONTINUATION_RATIO * angle, count, result)
     return result
 
 
-def certainties(edges: MeshEdges, noise: float, angle: float = SHARP) -> FloatArray:
-    """Probability of each edge (e,) to bend by more than an angle, in radians, without the noise.
+def certainties(edges: MeshEdges, noise: float, angle: float = SHARP_ANGLE) -> FloatArray:
+    """Probability of each edge (e,) to have a noise-free angle above `angle`, in radians.
 
-    Independent errors of the vertices along the normal, of the standard deviation `noise`, change the angle at an edge
-    of the width w by 4/3 noise / w: by propagation through two equal triangles.
+    Independent errors of the vertices along the normal, with the standard deviation `noise`, give the angle at an edge
+    of width w the standard deviation 4/3 noise / w (error propagation through two equal triangles).
     """
-    deviations = np.maximum(4.0 / 3.0 * noise / np.maximum(edges.widths, 1e-300 * max(noise, 1.0)), EXACT)
+    deviations = np.maximum(4.0 / 3.0 * noise / np.maximum(edges.widths, 1e-300 * max(noise, 1.0)), MIN_ANGLE_DEVIATION)
     return np.asarray(ndtr((edges.angles - angle) / deviations), dtype=np.float64)
 
 
 def may_have_sharp_edges(mesh: TriangleMesh, adjacency: Adjacency) -> bool:
-    """Whether the surface turns anywhere as quickly as at a sharp edge, which is soon told, with noise or without.
+    """Whether smoothed normals differ anywhere as much as at a sharp edge: a fast test, also under noise.
 
     >>> from bezier_filters.meshes.adjacency import vertex_adjacency
     >>> from bezier_filters.meshes.mesh import triangle_mesh
@@ -79,13 +78,13 @@ def may_have_sharp_edges(mesh: TriangleMesh, adjacency: Adjacency) -> bool:
     rows, normals = adjacency.vertices, tangent_planes(mesh, adjacency).normals
     nowhere = np.zeros(mesh.vertex_count, dtype=np.bool_)
     for _ in range(2):
-        normals = steady_normals(normals, rows.indptr, rows.indices, nowhere)
-    return bool(_turns(rows.indptr, rows.indices, normals, cos(STEEP)))
+        normals = smooth_normals(normals, rows.indptr, rows.indices, nowhere)
+    return bool(_turns(rows.indptr, rows.indices, normals, cos(MIN_SMOOTHED_ANGLE)))
 
 
 @jit()
 def _turns(ptr: IntArray, indices: IntArray, normals: FloatArray, least_cosine: float) -> bool:
-    """Whether the normals of any two neighbours differ by more than an angle."""
+    """Whether the normals of any two neighbours have a cosine below `least_cosine`."""
     for i in range(len(ptr) - 1):
         x, y, z = normals[i, 0], normals[i, 1], normals[i, 2]
         for q in range(ptr[i], ptr[i + 1]):
@@ -96,7 +95,7 @@ def _turns(ptr: IntArray, indices: IntArray, normals: FloatArray, least_cosine: 
 
 
 class _EdgeArrays(NamedTuple):
-    """Edges as compiled code reads them: their ends and angles, and those at each vertex as compressed rows."""
+    """Edges for compiled code: ends, angles, and the edges at each vertex as compressed rows."""
 
     ends: IntArray
     angles: FloatArray
@@ -119,7 +118,7 @@ def _mark(
     least: float,
     result: BoolArray,
 ) -> None:
-    """Mark those candidates beside which a quarter of the edges, or more, are much flatter or sharp."""
+    """Mark candidates next to which at least a quarter of the edges are much flatter, or sharp as well."""
     for e in candidates:
         count, clear = 0, 0
         for side in range(2):
@@ -129,7 +128,7 @@ def _mark(
                 for p in range(edges.ptr[j], edges.ptr[j + 1]):
                     count += 1
                     other = edges.angles[edges.indices[p]]
-                    clear += TIMES_A_QUARTER * other < edges.angles[e] or other > least
+                    clear += MIN_QUARTER_RATIO * other < edges.angles[e] or other > least
         result[e] = 4 * clear >= count
 
 
@@ -137,9 +136,9 @@ def _mark(
 def _continue(
     vertices: FloatArray, edges: _EdgeArrays, candidates: IntArray, least: float, count: IntArray, result: BoolArray
 ) -> None:
-    """Let lines of two edges or more go straight on along the sharpest edge: those of a rounded edge differ by chance.
+    """Continue lines of two edges or more straight on along the sharpest edge; rounded edges have gaps by chance.
 
-    `count` says how many sharp edges meet at each vertex, and is kept.
+    `count` is the number of sharp edges at each vertex, and is updated.
     """
     ends, angles = edges.ends, edges.angles
     for e in candidates:
@@ -152,7 +151,7 @@ def _continue(
                     k = edges.indices[p]
                     other = ends[k, 0] + ends[k, 1] - tip
                     is_sharper = not result[k] and angles[k] > (angles[best] if best >= 0 else least)
-                    if is_sharper and _turn(vertices, before, tip, other) > STRAIGHT_ON:
+                    if is_sharper and _turn(vertices, before, tip, other) > MIN_CONTINUATION_COSINE:
                         best, after = k, other
                 if best < 0:
                     break
@@ -164,7 +163,7 @@ def _continue(
 
 @inner_jit()
 def _turn(vertices: FloatArray, i: int, j: int, k: int) -> float:
-    """Cosine of the angle by which the way from vertex i over j to k turns."""
+    """Cosine of the turning angle of the path from vertex i over j to k."""
     product, first, second = 0.0, 0.0, 0.0
     for c in range(3):
         before, after = vertices[j, c] - vertices[i, c], vertices[k, c] - vertices[j, c]
@@ -173,14 +172,14 @@ def _turn(vertices: FloatArray, i: int, j: int, k: int) -> float:
 
 
 def sharp_edge_vertices(mesh: TriangleMesh, adjacency: Adjacency, planes: TangentPlanes) -> BoolArray:
-    """Vertices (n,) with two sharp edges or more: those inside one or at a corner, not where one ends."""
+    """Vertices (n,) with two sharp edges or more: inside a line or at a corner, not at the end of a line."""
     result = np.zeros(mesh.vertex_count, dtype=np.bool_)
-    candidates = np.flatnonzero(planes.safe_cosine >= NARROW_CONE).astype(np.int32)
+    candidates = np.flatnonzero(planes.safe_cosine >= MAX_SMOOTH_COSINE).astype(np.int32)
     at_vertex, ring = adjacency.faces, adjacency.vertices
     arrays = _FaceArrays(mesh.vertices, mesh.faces, at_vertex.indptr, at_vertex.indices, ring.indptr, ring.indices)
 
     def make_task() -> RangeTask:
-        cosines = np.empty(MOST_EDGES)
+        cosines = np.empty(MAX_RING_EDGES)
         return lambda start, stop: _find_sharp_vertices(arrays, candidates[start:stop], cosines, result)
 
     run_in_chunks(make_task, len(candidates))
@@ -188,7 +187,7 @@ def sharp_edge_vertices(mesh: TriangleMesh, adjacency: Adjacency, planes: Tangen
 
 
 class _FaceArrays(NamedTuple):
-    """A mesh as compiled code reads it: the faces at each vertex, and its neighbours, as compressed rows."""
+    """A mesh for compiled code: faces and neighbours of each vertex as compressed rows."""
 
     vertices: FloatArray
     faces: IntArray
@@ -200,8 +199,8 @@ class _FaceArrays(NamedTuple):
 
 @jit()
 def _find_sharp_vertices(mesh: _FaceArrays, ids: IntArray, cosines: FloatArray, result: BoolArray) -> None:
-    """Mark those of the vertices `ids` that have two sharp edges or more; `cosines` is work space."""
-    large = np.cos(FOR_FITS)
+    """Mark vertices of `ids` with two sharp edges or more; `cosines` is work space."""
+    large = np.cos(FIT_SHARP_ANGLE)
     for i in ids:
         own = _edge_cosines(mesh, i, cosines, 0)
         candidates, least = 0, 1.0
@@ -218,20 +217,20 @@ def _find_sharp_vertices(mesh: _FaceArrays, ids: IntArray, cosines: FloatArray, 
                 for b in range(own, count):
                     flatter += cosines[b] > bound
                 sharp += 2 * flatter > count - own
-        result[i] = sharp >= 2  # where a sharp edge ends, one side of a fit may look across it
+        result[i] = sharp >= 2  # at the end of a sharp edge, fits may extend around it
 
 
 @inner_jit()
 def _much_flatter(cosine: float) -> float:
-    """Cosine of an angle so many times smaller."""
-    return float(np.cos(np.arccos(min(max(cosine, -1.0), 1.0)) / TIMES_HALF))
+    """Cosine of the angle divided by `MIN_HALF_RATIO`."""
+    return float(np.cos(np.arccos(min(max(cosine, -1.0), 1.0)) / MIN_HALF_RATIO))
 
 
 @inner_jit()
 def _edge_cosines_around(mesh: _FaceArrays, i: int, flat: float, cosines: FloatArray, own: int) -> int:
-    """Append those of vertex i and its neighbours after its own, and return the new count.
+    """Append the cosines of vertex i and its neighbours after its own, and return the new count.
 
-    It stays what it was once fewer than half can be flatter than an edge with the cosine `flat`.
+    Returns `own` as soon as no more than half of them can be flatter than an edge with the cosine `flat`.
     """
     count = _edge_cosines(mesh, i, cosines, own)
     most = count - own
@@ -250,7 +249,7 @@ def _edge_cosines_around(mesh: _FaceArrays, i: int, flat: float, cosines: FloatA
 
 @inner_jit()
 def _edge_cosines(mesh: _FaceArrays, i: int, cosines: FloatArray, count: int) -> int:
-    """Append those of the angles between the faces at the edges of vertex i, if there is room; return the new count."""
+    """Append the cosines of the dihedral angles at the edges of vertex i, up to the capacity; return the new count."""
     faces = mesh.faces
     for q in range(mesh.face_ptr[i], mesh.face_ptr[i + 1]):
         if count == cosines.shape[0]:
@@ -266,9 +265,9 @@ def _edge_cosines(mesh: _FaceArrays, i: int, cosines: FloatArray, count: int) ->
 
 @inner_jit()
 def _other_face(mesh: _FaceArrays, i: int, f: int) -> int:
-    """The face at vertex i behind the edge of face f that leaves i, counter-clockwise; -1 if there is none."""
+    """The face at vertex i across the edge of face f that starts at i, counter-clockwise; -1 if there is none."""
     tip = next_corner(mesh.faces, f, i)
-    here, there = i, tip  # of which the first has no more faces than the second: hubs have thousands
+    here, there = i, tip  # search at the end with fewer faces: hubs have thousands
     if mesh.face_ptr[tip + 1] - mesh.face_ptr[tip] < mesh.face_ptr[i + 1] - mesh.face_ptr[i]:
         here, there = tip, i
     for q in range(mesh.face_ptr[here], mesh.face_ptr[here + 1]):

@@ -1,8 +1,8 @@
-"""Renumbers a mesh so that what lies close together in space does so in memory.
+"""Renumbers a mesh for memory locality.
 
-Vertices of scans, and of subdivided meshes, come in any order. Then nearly every look at a neighbour
-waits for memory, which takes most of the time of a fit. Here they are sorted by the cells of a grid
-that surround them, along a Z-shaped curve through the cells (Morton 1966).
+Vertices of scans and of subdivided meshes come in any order. Then nearly every access to a neighbour
+misses the cache, and fits mostly wait for memory. Here vertices are sorted by the cells of a grid,
+in the order of the Morton curve through the cells (Morton 1966).
 """
 
 from dataclasses import dataclass
@@ -18,10 +18,12 @@ from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.runtime.jit import inner_jit, jit
 from bezier_filters.runtime.parallel import run_kernel
 
-PER_CELL = 32  # vertices of a closed surface in a cell of the grid, roughly
-LARGE = 1 << 16  # vertices: what is known of those of smaller meshes fits into a cache, in any order
-JUMP, MOST_JUMPS = 256, 0.05  # from the last neighbour of a vertex to that of the next, and share of longer ones
-MOST_BITS = 8  # of the number of cells along an axis
+VERTICES_PER_CELL = 32  # vertices of a closed surface in a cell of the grid, roughly
+MIN_REORDER_VERTICES = 1 << 16  # vertices; the data of smaller meshes fit into a cache in any order
+# a jump is a distance in memory, in vertices, between the last neighbours of consecutive vertices, beyond this length;
+# and the largest share of jumps of a mesh with locality
+JUMP_LENGTH, MAX_JUMP_FRACTION = 256, 0.05
+MAX_GRID_BITS = 8  # bits of the cell number along an axis
 
 
 Values = TypeVar("Values", FloatArray, BoolArray)
@@ -32,8 +34,8 @@ class Grid:
     """The grid of cubes around a mesh."""
 
     low: FloatArray  # (3,): its lowest corner
-    scale: float  # cells per length; 0 if all vertices lie in one
-    bits: int  # of the number of cells along an axis
+    scale: float  # cells per length; 0 if all vertices lie in one cell
+    bits: int  # bits of the cell number along an axis
 
     @property
     def cell_count(self) -> int:
@@ -41,7 +43,7 @@ class Grid:
         return 1 << 3 * self.bits
 
     def cells(self, vertices: FloatArray) -> IntArray:
-        """Numbers of the cells along the curve that vertices (n, 3) lie in, (n,) int32."""
+        """Cell numbers along the Morton curve of vertices (n, 3), (n,) int32."""
         result = np.empty(len(vertices), dtype=np.int32)
         run_kernel(_find_cells, len(vertices), vertices, self.low, self.scale, self.bits, result)
         return result
@@ -49,61 +51,61 @@ class Grid:
 
 def grid_around(low: FloatArray, high: FloatArray, vertex_count: int) -> Grid:
     """The grid for a number of vertices between two corners (3,)."""
-    bits = int(np.clip(np.log2(max(vertex_count / PER_CELL, 1.0)) / 2.0, 1, MOST_BITS))
+    bits = int(np.clip(np.log2(max(vertex_count / VERTICES_PER_CELL, 1.0)) / 2.0, 1, MAX_GRID_BITS))
     size = max(float(high[k]) - float(low[k]) for k in range(3))
     return Grid(low, (1 << bits) / size if 0.0 < size < np.inf else 0.0, bits)
 
 
 @dataclass(frozen=True)
 class SpatialOrder:
-    """A mesh in spatial order, and where its vertices came from."""
+    """A renumbered mesh, with the permutation of its vertices."""
 
     mesh: TriangleMesh  # the renumbered mesh
-    order: IntArray  # (n,): vertex i of it was vertex order[i]
+    order: IntArray  # (n,): its vertex i was vertex order[i]
 
-    def back(self, values: Values) -> Values:
-        """Values (n, ...) of the renumbered vertices, as the vertices were numbered before."""
+    def restore_order(self, values: Values) -> Values:
+        """Values (n, ...) of the renumbered vertices in the original order."""
         result = np.empty_like(values)
         result[self.order] = values
         return result
 
 
-def as_it_is(mesh: TriangleMesh) -> SpatialOrder:
-    """A mesh in its own order."""
+def identity_order(mesh: TriangleMesh) -> SpatialOrder:
+    """A mesh in its own order, with the identity permutation."""
     return SpatialOrder(mesh, np.arange(mesh.vertex_count, dtype=np.int32))
 
 
-def is_in_turn(adjacency: Adjacency) -> bool:
-    """Whether a mesh is small, or neighbours of successive vertices are seldom far apart.
+def has_locality(adjacency: Adjacency) -> bool:
+    """Whether a mesh is small, or neighbours of consecutive vertices are mostly close in memory.
 
-    Vertices row by row, as scanners write them, are as good as an order by levels. Those of octrees and of subdivision
-    are not.
+    Rows of vertices, as scanners write them, are as good as the Cuthill-McKee order. Octree and subdivision orders are
+    not.
     """
     rows = adjacency.vertices
-    return len(rows) < LARGE or _count_jumps(rows.indptr, rows.indices) <= MOST_JUMPS * len(rows)
+    return len(rows) < MIN_REORDER_VERTICES or _count_jumps(rows.indptr, rows.indices) <= MAX_JUMP_FRACTION * len(rows)
 
 
 @jit()
 def _count_jumps(indptr: IntArray, indices: IntArray) -> int:
-    """How many last neighbours of vertices are far from those of the vertices before; some have none."""
+    """Count consecutive vertices whose last neighbours are far apart; vertices without neighbours are skipped."""
     count, before = 0, -1
     for i in range(indptr.shape[0] - 1):
         if indptr[i + 1] > indptr[i]:
             last = indices[indptr[i + 1] - 1]
-            count += before >= 0 and abs(last - before) > JUMP
+            count += before >= 0 and abs(last - before) > JUMP_LENGTH
             before = last
     return count
 
 
-def read_in_turn(mesh: TriangleMesh, adjacency: Adjacency) -> SpatialOrder:
-    """The mesh as it is, if that is in turn, or `by_levels`."""
-    return as_it_is(mesh) if is_in_turn(adjacency) else by_levels(mesh, adjacency)
+def ensure_locality(mesh: TriangleMesh, adjacency: Adjacency) -> SpatialOrder:
+    """The mesh in its own order if it has locality, else in `cuthill_mckee_order`."""
+    return identity_order(mesh) if has_locality(adjacency) else cuthill_mckee_order(mesh, adjacency)
 
 
-def by_levels(mesh: TriangleMesh, adjacency: Adjacency) -> SpatialOrder:
-    """The mesh level by level from an end (Cuthill and McKee 1969).
+def cuthill_mckee_order(mesh: TriangleMesh, adjacency: Adjacency) -> SpatialOrder:
+    """The mesh in the reverse Cuthill-McKee order (Cuthill and McKee 1969), level by level.
 
-    For means over neighbours, again and again, that suits better than cells: levels are read in turn.
+    For repeated means over neighbours it is faster than the Morton order: levels are read sequentially.
     """
     n, rows = mesh.vertex_count, adjacency.vertices
     graph = csr_array((np.ones(len(rows.indices), dtype=np.int8), rows.indices, rows.indptr), shape=(n, n))
@@ -114,8 +116,8 @@ def by_levels(mesh: TriangleMesh, adjacency: Adjacency) -> SpatialOrder:
     return SpatialOrder(TriangleMesh(mesh.vertices[order], faces[np.argsort(faces[:, 0], kind="stable")]), order)
 
 
-def in_spatial_order(mesh: TriangleMesh) -> SpatialOrder:
-    """Renumber vertices, and sort faces alike.
+def sort_spatially(mesh: TriangleMesh) -> SpatialOrder:
+    """Sort vertices, and faces by their first corners, by cells along the Morton curve.
 
     Vertices of one cell keep their order.
     """
@@ -123,7 +125,8 @@ def in_spatial_order(mesh: TriangleMesh) -> SpatialOrder:
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     widen_bounds(mesh.vertices, low, high)
     grid = grid_around(low, high, n)
-    order, rank = np.empty(n, dtype=np.int32), np.empty(n, dtype=np.int32)  # not one block: only the order is kept
+    # separate allocations: only the order outlives this function
+    order, rank = np.empty(n, dtype=np.int32), np.empty(n, dtype=np.int32)
     cells = grid.cells(mesh.vertices)
     ends = np.zeros(grid.cell_count + 1, dtype=np.int32)
     _sort_by_cell(cells, ends, order)
@@ -138,7 +141,7 @@ def in_spatial_order(mesh: TriangleMesh) -> SpatialOrder:
 
 @jit()
 def widen_bounds(vertices: FloatArray, low: FloatArray, high: FloatArray) -> None:
-    """Lower and raise bounds of the coordinates, so that they hold for all vertices."""
+    """Extend bounds of the coordinates to all vertices."""
     for i in range(vertices.shape[0]):
         for k in range(3):
             low[k], high[k] = min(low[k], vertices[i, k]), max(high[k], vertices[i, k])
@@ -148,7 +151,7 @@ def widen_bounds(vertices: FloatArray, low: FloatArray, high: FloatArray) -> Non
 def _find_cells(
     vertices: FloatArray, low: FloatArray, scale: float, bits: int, cells: IntArray, start: int, stop: int
 ) -> None:
-    """Cells of vertices start .. stop-1, numbered along the curve."""
+    """Write the cells of vertices start .. stop-1, numbered along the Morton curve."""
     last = (1 << bits) - 1
     for i in range(start, stop):
         cell = 0
@@ -160,7 +163,7 @@ def _find_cells(
 
 @inner_jit()
 def _spread_bits(x: int) -> int:
-    """Two zeros after each of the lowest eight bits."""
+    """Insert two zeros after each of the lowest eight bits."""
     x = (x | x << 8) & 0x00F00F
     x = (x | x << 4) & 0x0C30C3
     return (x | x << 2) & 0x249249
@@ -168,7 +171,7 @@ def _spread_bits(x: int) -> int:
 
 @jit()
 def _sort_by_cell(cells: IntArray, ends: IntArray, order: IntArray) -> None:
-    """Write the numbers of all items in the order of their cells; `ends` is work space of zeros."""
+    """Write the indices of all items in the order of their cells (counting sort); `ends` is zeroed work space."""
     for i in range(cells.shape[0]):
         ends[cells[i] + 1] += 1
     for k in range(1, ends.shape[0]):
@@ -183,7 +186,7 @@ def _sort_by_cell(cells: IntArray, ends: IntArray, order: IntArray) -> None:
 def _move_vertices(
     old: FloatArray, order: IntArray, rank: IntArray, vertices: FloatArray, start: int, stop: int
 ) -> None:
-    """Write vertices start .. stop-1 of the new order, and the new numbers of the old ones."""
+    """Write vertices start .. stop-1 of the new order, and the rank of each old vertex."""
     for i in range(start, stop):
         j = order[i]
         rank[j] = i

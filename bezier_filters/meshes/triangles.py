@@ -1,4 +1,4 @@
-"""Small formulas of triangles: of a single one for compiled code, and of many."""
+"""Formulas for triangles: for single ones in compiled code, and for arrays."""
 
 import numpy as np
 
@@ -7,14 +7,14 @@ from bezier_filters.runtime.jit import inner_jit
 
 
 def area_vectors(points: FloatArray, faces: IntArray) -> FloatArray:
-    """Normals of triangles, as long as twice their areas, (m, 3)."""
+    """Normals of triangles, (m, 3), with twice their areas as lengths."""
     a, b, c = (points[faces[:, k]] for k in range(3))
     return np.cross(b - a, c - a)
 
 
 @inner_jit()
 def area_vector(points: FloatArray, a: int, b: int, c: int) -> tuple[float, float, float]:
-    """Normal of the triangle (a, b, c), as long as twice its area."""
+    """Normal of the triangle (a, b, c), with twice its area as length."""
     ux, uy, uz = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
     vx, vy, vz = points[c, 0] - points[a, 0], points[c, 1] - points[a, 1], points[c, 2] - points[a, 2]
     return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
@@ -22,7 +22,7 @@ def area_vector(points: FloatArray, a: int, b: int, c: int) -> tuple[float, floa
 
 @inner_jit()
 def unit_normal(points: FloatArray, a: int, b: int, c: int) -> tuple[float, float, float, float]:
-    """Unit normal of the triangle (a, b, c), zero if it has none, and twice its area."""
+    """Unit normal of the triangle (a, b, c), zero if its area is zero, and twice its area."""
     x, y, z = area_vector(points, a, b, c)
     twice = np.sqrt(x * x + y * y + z * z)
     if twice == 0.0:
@@ -32,7 +32,7 @@ def unit_normal(points: FloatArray, a: int, b: int, c: int) -> tuple[float, floa
 
 @inner_jit()
 def angle_parts(points: FloatArray, tip: int, left: int, right: int) -> tuple[float, float]:
-    """Cosine and sine of the angle at a corner, times the lengths of its sides; the sine is twice the area."""
+    """Dot product and length of the cross product of the sides at a corner; the latter is twice the area."""
     x, y, z = area_vector(points, tip, left, right)
     cosine = 0.0
     for axis in range(3):
@@ -42,14 +42,14 @@ def angle_parts(points: FloatArray, tip: int, left: int, right: int) -> tuple[fl
 
 @inner_jit()
 def cotangent_and_area(points: FloatArray, tip: int, left: int, right: int) -> tuple[float, float]:
-    """Cotangent of the angle at a corner, huge where the triangle has no area, and the area."""
+    """Cotangent of the angle at a corner, very large where the area is zero, and the area."""
     cosine, twice = angle_parts(points, tip, left, right)
     return cosine / max(twice, 1e-300), 0.5 * twice
 
 
 @inner_jit()
 def cosine_between(points: FloatArray, a: int, b: int, c: int, d: int, e: int, f: int, without_area: float) -> float:
-    """Cosine of the angle between the normals of the triangles (a, b, c) and (d, e, f), if both have an area."""
+    """Cosine of the angle between the normals of triangles (a, b, c) and (d, e, f), `without_area` if one is zero."""
     x, y, z = area_vector(points, a, b, c)
     u, v, w = area_vector(points, d, e, f)
     lengths = np.sqrt(x * x + y * y + z * z) * np.sqrt(u * u + v * v + w * w)
@@ -70,7 +70,7 @@ def next_corner(faces: IntArray, f: int, i: int) -> int:
 
 @inner_jit()
 def edge_length(points: FloatArray, a: int, b: int) -> float:
-    """Distance of two points."""
+    """Distance between two points."""
     x, y, z = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
     return float(np.sqrt(x * x + y * y + z * z))
 

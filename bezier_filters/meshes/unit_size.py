@@ -1,7 +1,7 @@
-"""Meshes of any size, computed at about unit size.
+"""Computation at unit size for meshes of any size.
 
-Sixth derivatives, their squares and products of these leave the range of float64 long before coordinates do. A mesh
-whose size is far from 1 is therefore scaled by a power of two, which changes no digit, and so is what is found.
+Products of squares of sixth derivatives leave the range of float64 long before coordinates do. A mesh whose size is
+far from 1 is therefore scaled by a power of two, which is exact, and results are scaled back.
 """
 
 import dataclasses
@@ -14,29 +14,29 @@ from typing import Any, ParamSpec, TypeVar, cast
 from numpy.typing import ArrayLike
 
 from bezier_filters.arguments import real_array
-from bezier_filters.meshes.mesh import LARGEST, SMALLEST
+from bezier_filters.meshes.mesh import MAX_COORDINATE, MIN_COORDINATE
 
 Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")
 
-# Metadata of fields of results: the power of length in their unit. Fields without are numbers, directions and counts.
+# Metadata of result fields: the power of length in their unit. Other fields are dimensionless.
 _POWER = "power of length"
 LENGTH: Mapping[str, int] = {_POWER: 1}
 VOLUME: Mapping[str, int] = {_POWER: 3}
 CURVATURE: Mapping[str, int] = {_POWER: -1}
 SQUARED_CURVATURE: Mapping[str, int] = {_POWER: -2}
 
-# Power of two up to which a mesh is computed as it is. Squares of sixth derivatives are the highest powers of length,
-# and 2^(12 * 48) leaves as much again of float64's range for the sizes of details. Halved, no digit changes; doubled,
-# fits of a sphere at 2^90 find no noise model.
-MOST_BITS = 48
+# Exponent of two up to which a mesh is not scaled. Squares of sixth derivatives are the highest powers of length, and
+# 2^(12 * 48) leaves half of the exponents of float64 for the sizes of details. Halved, no digit changes; doubled, fits
+# of a sphere at 2^90 find no noise model.
+MAX_UNSCALED_EXPONENT = 48
 
 
 def normalizes_size(*lengths: str) -> Callable[[Callable[Parameters, Result]], Callable[Parameters, Result]]:
-    """Let a function of vertices and faces compute meshes of extreme size at unit size.
+    """Make a function of vertices and faces scale meshes of extreme size to unit size.
 
-    `lengths` names those of its other arguments that are lengths. Results, and results among the arguments, are
-    dataclasses whose fields say their unit.
+    `lengths` names the other arguments that are lengths. Results, and arguments that are results, are dataclasses
+    with the units of their fields as metadata.
 
     >>> import numpy as np
     >>> @normalizes_size("step")
@@ -53,7 +53,7 @@ def normalizes_size(*lengths: str) -> Callable[[Callable[Parameters, Result]], C
         signature = inspect.signature(function)
 
         @wraps(function)
-        def normalized(*args: Parameters.args, **options: Parameters.kwargs) -> Result:
+        def wrapper(*args: Parameters.args, **options: Parameters.kwargs) -> Result:
             given = cast("ArrayLike", args[0] if args else options.get("vertices"))
             exponent = size_exponent(given)
             if not exponent:
@@ -68,26 +68,26 @@ def normalizes_size(*lengths: str) -> Callable[[Callable[Parameters, Result]], C
                     bound.arguments[name] = _rescale(value, -exponent)
             return cast("Result", _rescale(function(*bound.args, **bound.kwargs), exponent))
 
-        return normalized
+        return wrapper
 
     return decorate
 
 
 def size_exponent(vertices: ArrayLike) -> int:
-    """Power of two that the largest coordinate lies below, 0 if a mesh is computed as it is, or will be refused."""
+    """Exponent of the power of two above the largest coordinate; 0 if no scaling is needed, or the mesh is invalid."""
     try:
         points = real_array(vertices)
     except (TypeError, ValueError):
         return 0
     largest = max(points.max(initial=0.0), -points.min(initial=0.0))
-    if not SMALLEST <= largest <= LARGEST:
+    if not MIN_COORDINATE <= largest <= MAX_COORDINATE:
         return 0
     exponent = frexp(largest)[1]
-    return exponent if abs(exponent) > MOST_BITS else 0
+    return exponent if abs(exponent) > MAX_UNSCALED_EXPONENT else 0
 
 
 def _rescale(value: Any, exponent: int) -> Any:
-    """A result of a mesh, as that of the mesh scaled by a power of two."""
+    """Scale the fields of a result to those of a mesh scaled by a power of two."""
     if isinstance(value, tuple):
         return tuple(_rescale(item, exponent) for item in value)
     if not dataclasses.is_dataclass(value) or isinstance(value, type):

@@ -1,1 +1,1 @@
-"""Filters on a `pymeshlab.MeshSet`: all that reads and writes one."""
+"""Filters on a `pymeshlab.MeshSet`."""

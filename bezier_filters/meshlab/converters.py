@@ -1,4 +1,4 @@
-"""Meshes and results to and from pyvista, trimesh and pymeshlab; NumPy arrays in between."""
+"""Conversion of meshes and results to and from pyvista, trimesh and pymeshlab."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, cast
@@ -32,7 +32,7 @@ def to_pyvista(vertices: ArrayLike, faces: ArrayLike | None, fields: Fields = No
     faces : (m, 3) array_like of int, or None
         Triangles; None for a point cloud.
     fields : VertexGeometry, SmoothingResult or mapping of arrays, optional
-        What becomes point data, under the names of its attributes (``"mean_curvature"``, ``"direction_max"``, ...).
+        Fields for the point data, under their attribute names (``"mean_curvature"``, ``"direction_max"``, ...).
 
     Returns
     -------
@@ -78,7 +78,7 @@ def to_trimesh(vertices: ArrayLike, faces: ArrayLike, fields: Fields = None) -> 
     Returns
     -------
     trimesh.Trimesh
-        With copies of the arrays, nothing merged or removed: row i is still vertex i.
+        With copies of the arrays, without merging or removal: row i is vertex i.
 
     Raises
     ------
@@ -125,7 +125,7 @@ def mesh_arrays(mesh: Any) -> tuple[FloatArray, IntArray]:
     Raises
     ------
     InvalidMeshError
-        If it is none of these, has faces that are not understood, or its arrays are no mesh.
+        If it is none of these, its faces cannot be read, or its arrays are not a mesh.
     BezierFilterError
         If the file cannot be read.
 

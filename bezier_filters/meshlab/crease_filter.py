@@ -21,18 +21,18 @@ from bezier_filters.meshlab.meshset import (
 )
 from bezier_filters.meshlab.verdicts import fit_verdict
 from bezier_filters.meshlab.vertex_filters import FitArguments, fit_mesh
-from bezier_filters.parameters import documented
+from bezier_filters.parameters import complete_docstring
 from bezier_filters.patches.smoothness import Smoothness
 from bezier_filters.runtime.parallel import Progress
 from bezier_filters.status import FitStatus
 
 CREASE_COLUMNS = tuple(column_names(CREASES))
-# attribute of the points of the lines, which is that of the piece that follows: pymeshlab has none of edges
+# attribute of points for the segment after each, as pymeshlab has no attributes of edges
 CERTAINTY = PREFIX + "certainty"
 
 
 @checks_filter_arguments
-@documented(CREASES)
+@complete_docstring(CREASES)
 def compute_selection_by_bezier_crease_per_edge(
     ms: MeshSet,
     *,
@@ -52,17 +52,16 @@ def compute_selection_by_bezier_crease_per_edge(
 ) -> Report:
     """Select the creases of the current mesh: sharp edges, and the ridges and ravines of the surface between them.
 
-    Sharp edges are told by the angle of their faces, crest lines by the third derivatives of the Bezier patches; see
-    `bezier_filters.find_creases`. pymeshlab lets nobody select single edges from Python, so the filter selects
-    vertices: the ends of sharp edges and, where a line runs between vertices, the nearer end of every edge that it
-    crosses. The edges themselves are in a new layer named ``creases``, a mesh of edges and no faces that lies on the
-    surface: its quality is the strength of the lines, its attribute ``bz_certainty`` the probability that noise did not
-    make the piece after each point, ridges are red and ravines are blue, and its transform is that of
-    the mesh. The current mesh stays the current one.
+    Sharp edges are found by the angle of their faces, crest lines by the third derivatives of the Bezier patches; see
+    `bezier_filters.find_creases`. pymeshlab cannot select single edges from Python, so the filter selects vertices: the
+    ends of sharp edges and, where a line runs between vertices, the nearer end of every edge that it crosses. The edges
+    themselves are in a new layer named ``creases``, a mesh of edges without faces on the surface: its quality is the
+    strength of the lines, its attribute ``bz_certainty`` the probability that the segment after each point is not
+    noise, ridges are red and ravines blue, and its transform is that of the mesh. The current mesh stays current.
 
     The vertex selection is replaced. Besides that and its own attributes the filter changes nothing else in the
-    MeshSet: not the face selection, quality, colours, textures, other attributes or filter script. Running it again
-    adds a layer again.
+    MeshSet: not the face selection, quality, colours, textures, other attributes or filter script. Every run adds a
+    layer.
 
     Larger neighbourhoods give coarser lines. There are no smooth lines where the patches have a degree below 3.
 
@@ -78,7 +77,7 @@ def compute_selection_by_bezier_crease_per_edge(
     dict
         ``lines``, a dict for each with ``kind`` (``"ridge"`` or ``"ravine"``), ``is_sharp``, ``is_closed``,
         ``strength``, ``certainty`` (mean), ``length`` and ``points`` (number), the strongest first;
-        ``selected_vertices`` and ``sharp_edges`` (numbers), ``crest_lines_told`` (whether the fit can tell smooth
+        ``selected_vertices`` and ``sharp_edges`` (numbers), ``crest_lines_told`` (whether the fit can find smooth
         lines), ``polylines_id`` (of the new layer, or None), ``status`` (vertices per status name), ``attributes``,
         ``quality`` (None), ``unit``, ``statistics``, ``topology`` (what pymeshlab counts, as in
         `meshing_close_holes_by_bezier_patch`) and ``seconds`` (read, fit, topology, write). It can be written as JSON.
@@ -148,16 +147,16 @@ def lines_as_mesh(creases: Creases) -> tuple[FloatArray, IntArray, FloatArray, F
 
 
 def report_of(creases: Creases, mesh: CurrentMesh) -> Report:
-    """The creases as plain values, with a number in the place of the points of a line."""
-    told = ("kind", "is_sharp", "is_closed", "strength", "length")
+    """The creases as plain values, with the number of points of each line."""
+    names = ("kind", "is_sharp", "is_closed", "strength", "length")
     lines = [
-        {name: getattr(line, name) for name in told}
+        {name: getattr(line, name) for name in names}
         | {"certainty": float(line.certainties.mean()), "points": len(line.points)}
         for line in creases.lines
     ]
     found = {"sharp_edges": len(creases.sharp_edges), "crest_lines_told": creases.tells_crest_lines}
     everywhere = np.ones(len(mesh.vertices), dtype=np.bool_)
     verdict = fit_verdict("curvature", creases.geometry, mesh, everywhere, FitStatus.FOLDED)
-    if found["sharp_edges"]:  # which need no curvature
+    if found["sharp_edges"]:  # they do not need curvature
         verdict |= {"remarks": verdict["warnings"] + verdict["remarks"], "warnings": []}
     return {"lines": lines, **found, "status": creases.geometry.status_counts(), **verdict}

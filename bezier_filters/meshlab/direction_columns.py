@@ -1,9 +1,9 @@
-"""What the curvature filter gives for a direction: curvature along it and across it, and plan curvature."""
+"""Columns of the curvature filter for a direction: curvature along it and across it, and plan curvature."""
 
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from bezier_filters.arguments import in_short
+from bezier_filters.arguments import brief_repr
 from bezier_filters.arrays import BoolArray, FloatArray, Report
 from bezier_filters.differential_geometry import unit_directions
 from bezier_filters.errors import InvalidParameterError
@@ -13,7 +13,7 @@ from bezier_filters.meshlab.meshset import BezierFilterError
 
 Direction: TypeAlias = tuple[float, float, float]
 
-# fields, and what they are in the terms of terrain
+# fields, and their names in terrain analysis
 _OF_TERRAIN = {"curvature_along": "profile", "curvature_across": "tangential", "plan_curvature": "plan"}
 NEED_DIRECTION = frozenset(word for word, field in qualities(CURVATURE).items() if field.name in _OF_TERRAIN)
 
@@ -40,7 +40,7 @@ def check_direction(direction: Direction | None, quality: str | None) -> Directi
         x = y = z = 0.0
     if not (x or y or z):
         is_listed = isinstance(direction, tuple | list)
-        got = f"({', '.join(map(in_short, direction))})" if is_listed else in_short(direction)
+        got = f"({', '.join(map(brief_repr, direction))})" if is_listed else brief_repr(direction)
         raise BezierFilterError(f"direction: got {got}, expected three finite numbers, not all 0")
     return x, y, z
 

@@ -1,6 +1,6 @@
-"""The run of a filter on a MeshSet, around its own work: read, write, colour, report.
+"""The common frame of filters on a MeshSet: read, compute, write, colour, report.
 
-Everything that can be refused is refused before the first write.
+All checks precede the first write.
 """
 
 import time
@@ -22,10 +22,10 @@ from bezier_filters.meshlab.meshset import (
     CurrentMesh,
     MeshSet,
     check_unchanged,
-    preserved_filter_script,
+    preserve_filter_script,
     read_current_mesh,
 )
-from bezier_filters.meshlab.topology import repair, repaired_copy, topology_of
+from bezier_filters.meshlab.topology import repair, repair_copy, topology_of
 from bezier_filters.meshlab.verdicts import orientation_remarks
 
 STATISTICS = ("min", "median", "max", "mean")  # of the quality, functions of NumPy
@@ -35,7 +35,7 @@ Columns = dict[str, FloatArray]
 
 @dataclass(frozen=True)
 class Output:
-    """Where results go: what users call the field for the quality, if any, and the colours and their range."""
+    """Output options: the field for the quality, by the word that users type, the colours and their range."""
 
     quality: str | None = None
     onselected: bool = False
@@ -48,12 +48,12 @@ class Output:
 
 @dataclass(frozen=True)
 class Computed:
-    """What a filter found, to be written."""
+    """Results of a filter to be written."""
 
     columns: Columns  # each (n,), by name
     known: BoolArray  # (n,): vertices whose values count for colours and statistics
-    report: Report  # what the user is told, besides what all filters tell
-    # writes what else the filter found, after the columns and with them: no interrupt comes between
+    report: Report  # specific to the filter
+    # writes other results after the columns, without interrupts in between
     write_more: Callable[[], None] = lambda: None
 
 
@@ -61,34 +61,34 @@ Work = Callable[[CurrentMesh, BoolArray], Computed]  # ``work(mesh, mask)`` does
 
 
 @contextmanager
-def _timed(seconds: dict[str, float], name: str) -> Iterator[None]:
+def _time_stage(seconds: dict[str, float], name: str) -> Iterator[None]:
     start = time.perf_counter()
     yield
     seconds[name] = time.perf_counter() - start
 
 
 def run_filter(ms: MeshSet, name: str, work: Work, output: Output) -> Report:
-    """Run the filter of a command's name, which writes its columns on the current mesh, and return its report.
+    """Run a filter, given the name of its command; it writes its columns on the current mesh. Returns the report.
 
-    After an error or a cancellation the MeshSet is as it was; after Ctrl-C, too, or it has all of the results, if that
-    came while they were written.
+    After an error or a cancellation the MeshSet is unchanged; so it is after Ctrl-C, unless that comes during the
+    writing, which is then completed.
     """
     field, colormap = _quality_and_colormap(output, qualities(name))
     seconds: dict[str, float] = {}
-    with _timed(seconds, "read"):
+    with _time_stage(seconds, "read"):
         given = mesh = read_current_mesh(ms)
         repaired: Report | None = None
         if output.repair:
-            mesh, repaired = repaired_copy(ms)
-        mask = mesh.selected_vertices() if output.onselected else np.ones(len(mesh.vertices), dtype=np.bool_)
-    with preserved_filter_script(ms):
+            mesh, repaired = repair_copy(ms)
+        mask = mesh.selection_mask() if output.onselected else np.ones(len(mesh.vertices), dtype=np.bool_)
+    with preserve_filter_script(ms):
         mesh_attributes.check_writable(ms, column_names(name))
-    with _timed(seconds, "fit"):  # nothing in the MeshSet changes meanwhile, so it may be interrupted
+    with _time_stage(seconds, "fit"):  # interruptible, as it does not change the MeshSet
         try:
             computed = work(mesh, mask)
         except (InvalidMeshError, InvalidParameterError) as error:
             raise BezierFilterError(str(error)) from error
-    with _timed(seconds, "topology"):
+    with _time_stage(seconds, "topology"):
         topology = topology_of(mesh.vertices, mesh.faces) if len(mesh.faces) else None
         remarks = [] if topology is None else topology.remarks + orientation_remarks(mesh, topology)
         said = " ".join([*computed.report["warnings"], *computed.report["remarks"]])
@@ -99,20 +99,20 @@ def run_filter(ms: MeshSet, name: str, work: Work, output: Output) -> Report:
         signed = field is not None and field.signed
         limits = color_range(quality, signed=signed, percentile=output.percentile)
         check_limits(*limits)
-    with preserved_filter_script(ms):
+    with preserve_filter_script(ms):
         if output.repair:
             repair(ms)
         columns = _merge(computed.columns, mesh_attributes.read_columns(ms, computed.columns), mask)
         mesh_attributes.check_finite(columns)
-        with mesh_attributes.restored_on_failure(ms, columns):
-            with _timed(seconds, "write"):
+        with mesh_attributes.restore_on_failure(ms, columns):
+            with _time_stage(seconds, "write"):
                 mesh_attributes.write_columns(ms, columns)
                 with _vertices_selected(ms, mesh) if output.onselected else nullcontext():
                     if field is not None:
                         ms.compute_scalar_by_function_per_vertex(q=field.column, onselected=output.onselected)
                     computed.write_more()
             if limits is not None:
-                with _timed(seconds, "color"):
+                with _time_stage(seconds, "color"):
                     color_by_quality(ms, *limits, colormap)
     report: Report = computed.report | {
         "attributes": list(columns),
@@ -128,7 +128,7 @@ def run_filter(ms: MeshSet, name: str, work: Work, output: Output) -> Report:
 
 
 def _quality_and_colormap(output: Output, fields: dict[str, Field]) -> tuple[Field | None, str]:
-    """The field that becomes the quality, if any, and the colour map, after a look at all that is said of both."""
+    """Check the options of quality and colours; returns the field for the quality, if any, and the colour map."""
     field, name = None, output.quality
     if name is not None:
         if not isinstance(name, str) or name not in fields:
@@ -149,10 +149,10 @@ def _quality_and_colormap(output: Output, fields: dict[str, Field]) -> tuple[Fie
 
 
 def _merge(new: Columns, old: Columns, mask: BoolArray) -> Columns:
-    """New values where `mask` says so, else old ones.
+    """New values where `mask` is true, else old ones.
 
-    Rows that another filter added meanwhile hold whatever was in memory: what is not finite there, or no grade where
-    it has to be one, is replaced by the new column's fill value.
+    Rows that another filter has added hold uninitialised memory: values that are not finite, or not grades, are
+    replaced by the fill value of the new column.
     """
     return {
         name: np.where(mask | ~_is_legal(name, old[name]), values, old[name]) if name in old else values

@@ -22,19 +22,19 @@ from bezier_filters.meshlab.meshset import (
     absolute_length,
     check_unchanged,
     checks_filter_arguments,
-    preserved_filter_script,
+    preserve_filter_script,
     read_current_mesh,
 )
 from bezier_filters.meshlab.topology import repair as repair_mesh
-from bezier_filters.meshlab.topology import repaired_copy, topology_of
-from bezier_filters.parameters import documented
+from bezier_filters.meshlab.topology import repair_copy, topology_of
+from bezier_filters.parameters import complete_docstring
 from bezier_filters.runtime.parallel import Progress
 
-WIDE = 0.5  # of the diagonal of the bounding box: where a hole may be none
+WIDE_HOLE_RATIO = 0.5  # diameter over the diagonal of the bounding box above which a hole may be an open end
 
 
 @checks_filter_arguments
-@documented("fill-holes")
+@complete_docstring("fill-holes")
 def meshing_close_holes_by_bezier_patch(
     ms: MeshSet,
     *,
@@ -58,19 +58,18 @@ def meshing_close_holes_by_bezier_patch(
     """Fill the holes of the current mesh, which becomes a new layer with the id ``result["id"]``.
 
     Fills are smooth where the surface is smooth, and sharp where it is sharp. The new triangles are about as large as
-    those around a hole, and lie on the surface that continues the one around it; sharp edges that end at a hole are
-    continued through it. See `bezier_filters.fill_holes`. A hole is filled whole or left as it is.
+    the triangles around a hole, and continue the surface around it; sharp edges that end at a hole are continued
+    through it. See `bezier_filters.fill_holes`. A hole is filled completely or left open.
 
     pymeshlab can add faces only by merging layers: the new layer is the last and the current one, and the old one, with
     its id, is gone. Old vertices and faces stay the first, bit for bit and in their order, with their textures,
     colours, quality, selection and custom attributes; label, transform and visibility stay, too. Colours and quality of
     vertices go on smoothly into the fills; those of faces, and attributes, are of the nearest old ones, and ``bz_*``
-    columns are 0, where nothing has been estimated. New faces show the texture of the old faces beside them, from the
-    edge that they share on; where a texture has a name with spaces, or two have the same, they show none. Vertex and
-    face normals are those of the faces. If no hole is filled, nothing changes, but what `repair` asks for: pymeshlab's
-    filters weld borders that lie on each other, split edges of more than two faces, which loses selections and sets
-    custom attributes to 0, split vertices at which surfaces only touch, and turn faces that disagree with their
-    neighbours.
+    columns are 0, as nothing has been estimated there. New faces continue the texture of adjacent old faces from the
+    common edge on; they have none where a texture has a name with spaces, or two have the same name. Vertex and
+    face normals are those of the faces. If no hole is filled, nothing changes except by `repair`: pymeshlab's filters
+    weld coincident borders, split edges of more than two faces, which loses selections and sets custom attributes to 0,
+    split vertices at which surfaces only touch, and reorient flipped faces.
 
     Parameters
     ----------
@@ -89,17 +88,18 @@ def meshing_close_holes_by_bezier_patch(
         ``closed_holes``, ``open_holes``, ``new_vertices`` and ``new_faces`` (numbers), ``id`` (of the layer that is the
         mesh now), ``noise`` (standard deviation, a length, or None), ``lost_attributes`` (custom attributes that
         pymeshlab does not let us copy: those with capital letters or signs in their names), ``textured`` (whether the
-        new faces show a texture), ``repaired`` (numbers of ``welded_vertices``, ``split_vertices``, ``removed_faces``
+        new faces show a texture), ``repaired`` (numbers of ``weld_vertices``, ``split_vertices``, ``removed_faces``
         without area or there twice, and ``turned_faces``, or None), ``topology`` (after that, as ``topology_before``)
         and ``topology_after`` (what pymeshlab counts: ``components``, ``genus``, ``boundary_loops`` with those of outer
         rims and islands, ``boundary_edges``, ``non_manifold_faces`` at such edges, ``non_manifold_vertices`` and
         ``two_manifold``; where the mesh is not a manifold the genus is None, and ``boundary_loops_by`` says that we
-        have counted the loops), ``warnings`` (texts: fills that need a look, because they cut faces, or are as wide as
-        half of the mesh, and holes that were left open because every fill would cut faces), ``remarks`` (texts: limits
-        that limit nothing), ``seconds`` (read, fit, write) and ``holes``, a dict for each with ``filled``, ``method``,
-        ``reason``, ``edge_count``, ``perimeter``, ``diameter``, ``islands``, ``is_outer_rim``, ``parts``,
-        ``crease_edges``, ``new_vertices`` and ``new_faces`` (numbers), ``rim_error`` (0), ``rim_dihedral`` (mean angle
-        along the rim, degrees) and ``self_intersections``; see `bezier_filters.HoleReport`. It can be written as JSON.
+        have counted the loops), ``warnings`` (texts: fills that need a look, because they intersect faces, or are as
+        wide as half of the mesh, and holes that were left open because every fill would intersect faces), ``remarks``
+        (texts: limits that limit nothing), ``seconds`` (read, fit, write) and ``holes``, a dict for each with
+        ``filled``, ``method``, ``reason``, ``edge_count``, ``perimeter``, ``diameter``, ``islands``, ``is_outer_rim``,
+        ``parts``, ``crease_edges``, ``new_vertices`` and ``new_faces`` (numbers), ``rim_error`` (0), ``rim_dihedral``
+        (mean angle along the rim, degrees) and ``self_intersections``; see `bezier_filters.HoleReport`. It can be
+        written as JSON.
 
     Examples
     --------
@@ -118,7 +118,7 @@ def meshing_close_holes_by_bezier_patch(
     if not len(mesh.faces):
         raise BezierFilterError("the current mesh has no faces, so it has no holes")
     if repair:
-        mesh, repaired = repaired_copy(ms)
+        mesh, repaired = repair_copy(ms)
     start = time.perf_counter()
     topology = topology_of(mesh.vertices, mesh.faces)
     diameter = absolute_length(maxdiameter, mesh.vertices, "maxdiameter")
@@ -130,7 +130,7 @@ def meshing_close_holes_by_bezier_patch(
             max_edges=maxholesize,
             max_perimeter=absolute_length(maxperimeter, mesh.vertices, "maxperimeter"),
             max_diameter=diameter,
-            selected=mesh.selected_vertices() if onselected else None,
+            selected=mesh.selection_mask() if onselected else None,
             outer_rims=outerrims,
             intersecting=intersecting,
             creases=creases,
@@ -148,11 +148,11 @@ def meshing_close_holes_by_bezier_patch(
     diagonal = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
     check_unchanged(ms, given)
     if repair:
-        with preserved_filter_script(ms):
+        with preserve_filter_script(ms):
             repair_mesh(ms)
     lost_attributes, textured = list[str](), False
     if result.filled:
-        with preserved_filter_script(ms):
+        with preserve_filter_script(ms):
             lost_attributes, textured = grow_mesh(ms, _growth(mesh, result), select=newfaceselected)
     written = time.perf_counter()
     remarks = topology.remarks
@@ -175,42 +175,43 @@ def meshing_close_holes_by_bezier_patch(
         "topology_after": dict(after.counts),
         "warnings": fill_warnings(result, diagonal),
         "remarks": remarks,
-        "holes": [_described(hole) for hole in result.holes],
+        "holes": [_describe_hole(hole) for hole in result.holes],
         "seconds": {"read": start - begin, "fit": fitted - start, "write": written - fitted},
     }
 
 
 def fill_warnings(result: HoleFillingResult, diagonal: float) -> list[str]:
-    """What a user should look at in a mesh with a bounding box of this diagonal."""
+    """Warnings about fills to check, given the diagonal of the bounding box."""
     filled = [hole for hole in result.holes if hole.filled]
-    wide = [hole for hole in filled if hole.diameter > WIDE * diagonal]
+    wide = [hole for hole in filled if hole.diameter > WIDE_HOLE_RATIO * diagonal]
     cutting = [hole.self_intersections for hole in filled if hole.self_intersections]
     open_ = [hole for hole in result.holes if hole.self_intersections and not hole.filled]
     texts = [
         f"{len(wide):,} of the filled holes as wide as half of the mesh or wider, perhaps the end of a part and not a "
-        f"hole: a largest diameter of {100 * WIDE:g}% leaves such open",
-        f"{len(cutting):,} of the fills with faces that cut others, {sum(cutting):,} in all",
-        f"{len(open_):,} of the holes, left open because every fill would cut others; intersecting=True fills them",
+        f"hole: a largest diameter of {100 * WIDE_HOLE_RATIO:g}% leaves such open",
+        f"{len(cutting):,} of the fills with faces that intersect others, {sum(cutting):,} in all",
+        f"{len(open_):,} of the holes, left open because every fill would intersect others; intersecting=True fills "
+        "them",
     ]
     return [text for text, holes in zip(texts, (wide, cutting, open_), strict=True) if holes]
 
 
 def _growth(mesh: CurrentMesh, result: HoleFillingResult) -> MeshGrowth:
-    """What was added, and which old vertices and faces it resembles: those nearest on the rims."""
+    """New vertices and faces, and the nearest old ones on the rims, whose attributes they get."""
     vertices, faces = result.vertices[len(mesh.vertices) :], result.faces[len(mesh.faces) :]
     rim = np.unique(faces[faces < len(mesh.vertices)])
-    beside = np.flatnonzero(np.isin(mesh.faces, rim).any(axis=1)).astype(np.int32)
-    centers = mesh.vertices[mesh.faces[beside]].mean(axis=1)
+    adjacent = np.flatnonzero(np.isin(mesh.faces, rim).any(axis=1)).astype(np.int32)
+    centers = mesh.vertices[mesh.faces[adjacent]].mean(axis=1)
     like_vertex = rim[cKDTree(mesh.vertices[rim]).query(vertices)[1]]
-    like_face = beside[cKDTree(centers).query(result.vertices[faces].mean(axis=1))[1]].astype(np.int32)
+    like_face = adjacent[cKDTree(centers).query(result.vertices[faces].mean(axis=1))[1]].astype(np.int32)
     starts, ends = ends_of_half_edges(faces)
-    for across in faces_at_edges(mesh.faces[beside], ends, starts).reshape(-1, 3).T:
-        like_face = np.where(across >= 0, beside[across], like_face)  # an old face that shares an edge
+    for across in faces_at_edges(mesh.faces[adjacent], ends, starts).reshape(-1, 3).T:
+        like_face = np.where(across >= 0, adjacent[across], like_face)  # an old face that shares an edge
     return MeshGrowth(vertices, faces, like_vertex.astype(np.int32), like_face)
 
 
-def _described(hole: HoleReport) -> Report:
-    """A report as a dict of plain values, with numbers in the place of lists."""
+def _describe_hole(hole: HoleReport) -> Report:
+    """A report as a dict of plain values, with counts instead of lists."""
     description = asdict(hole)
     del description["rim"]
     description["crease_edges"] = len(description.pop("creases"))

@@ -1,14 +1,14 @@
-"""Numbers from Python into a mesh inside a MeshSet: custom attributes, quality, normals, coordinates, bit for bit.
+"""Bit-exact transfer of custom attributes, quality, normals and coordinates from Python to a mesh in a MeshSet.
 
 pymeshlab can add a custom attribute from an array, but neither overwrite nor remove one, and its
 expression filters copy one attribute to another place. So new columns are simply added, and to
-overwrite a column its values ride in on an attribute that goes away again: the filter
+overwrite a column its values are copied from a temporary attribute: the filter
 ``compute_selection_point_cloud_outliers`` keeps its intermediate results in the vertex attributes
 ``sigma`` and ``plof`` and deletes both at its end. With ``propthreshold=1`` it selects nothing, with
 ``knearest=1`` it takes the least time, and it touches nothing else but an attribute ``outlierScore``,
-which stays, filled with 0. docs/decisions/2026-11-21-custom-attributes.md has what that takes, and what else was tried.
+which stays, filled with 0. docs/decisions/2026-11-21-custom-attributes.md has the costs and the alternatives.
 
-New coordinates come with a point cloud, a layer that goes away again, to which the mesh is morphed: ``source +
+New coordinates come from a point cloud, a temporary layer, to which the mesh is morphed: ``source +
 (target - source)``, twice, since the first time rounds. Expressions would leave attributes behind and take
 five times as long. pymeshlab sets the normals from the new coordinates at each morph, to sums that are
 longer than one; they are computed once more.
@@ -26,9 +26,9 @@ from bezier_filters.runtime.parallel import single_threaded_openmp
 
 CARRIERS = ("sigma", "plof")  # attributes that the outlier filter deletes
 LEFTOVER = "outlierScore"  # attribute that the outlier filter leaves behind
-KEPT_LEFTOVER = "outlierScore_kept"  # where a user's attribute of that name waits while the filter overwrites it
+KEPT_LEFTOVER = "outlierScore_kept"  # backup of a user's attribute of that name while the filter overwrites it
 
-# what custom attributes are called in pymeshlab, by the beginnings of the parameters that save them
+# names of custom attributes in pymeshlab's methods, by prefixes of the parameters that save them
 ATTRIBUTES = {
     (SCALAR := "__ca_vs__"): ("vertex_custom_scalar_attribute", "array"),
     (_POINT := "__ca_vp__"): ("vertex_custom_point_attribute", "matrix"),
@@ -48,23 +48,23 @@ def custom_attribute(mesh: Mesh, name: str, kind: str = SCALAR) -> FloatArray | 
         return None
 
 
-def listed_attributes(ms: MeshSet) -> list[tuple[str, str]]:
-    """Kind and name of every custom attribute, as pymeshlab lists it: in lower case, with identifier characters."""
+def list_attributes(ms: MeshSet) -> list[tuple[str, str]]:
+    """Kind and name of every custom attribute as pymeshlab lists them: in lower case, with identifier characters."""
     keys = ms.filter_parameter_values("ply")
     return [(key[: len(SCALAR)], key[len(SCALAR) :]) for key in keys if key[: len(SCALAR)] in ATTRIBUTES]
 
 
 def read_columns(ms: MeshSet, names: Iterable[str]) -> dict[str, FloatArray]:
-    """Those of the named scalar attributes that the current mesh has."""
+    """Values of the named scalar attributes that exist on the current mesh."""
     mesh = current_mesh(ms)
     columns = {name: custom_attribute(mesh, name) for name in names}
     return {name: values for name, values in columns.items() if values is not None}
 
 
 def check_writable(ms: MeshSet, names: Iterable[str]) -> None:
-    """Refuse a mesh on which writing the named columns would fail, or end in a segmentation fault.
+    """Refuse a mesh on which writing the named columns would fail or crash.
 
-    It would where a name is taken by a point attribute, or some attribute's name breaks pymeshlab's expressions.
+    That is so where a point attribute has one of the names, or some attribute's name breaks pymeshlab's expressions.
     """
     mesh = current_mesh(ms)
     for name in (*names, *CARRIERS, LEFTOVER, KEPT_LEFTOVER):
@@ -83,13 +83,14 @@ def check_writable(ms: MeshSet, names: Iterable[str]) -> None:
     except RuntimeError:  # how pymeshlab reports names that are no identifiers
         culprits = [
             name
-            for kind, name in listed_attributes(ms)
+            for kind, name in list_attributes(ms)
             if kind in (SCALAR, _POINT)
             and not (_LEGAL_NAME.fullmatch(name) and _has_attribute(mesh, name))  # fit for expressions, and a true name
         ] or ["(not listed)"]
     finally:
         # A filter that failed leaves a reference to its MeshSet behind, and loading a mesh after the end of that
-        # MeshSet crashes (SIGSEGV or bad_alloc, every time). Any filter that succeeds mends it; this one does nothing.
+        # MeshSet crashes (SIGSEGV or bad_alloc, every time). Any filter that succeeds avoids that; this one has no
+        # effect.
         ms.set_selection_none(allfaces=False, allverts=False)
     raise BezierFilterError(
         f"the mesh has a vertex attribute that stops pymeshlab's expression filters: {', '.join(culprits)} "
@@ -113,7 +114,7 @@ def write_columns(ms: MeshSet, columns: Mapping[str, FloatArray]) -> None:
     """Write columns of shape (n,) as custom scalar attributes of the current mesh, new or old.
 
     Call `check_writable` first. Nothing else of the mesh changes, except that overwriting leaves
-    the attribute `LEFTOVER`. Columns that hold these very bits already are left alone.
+    the attribute `LEFTOVER`. Columns with identical bits are not written.
     """
     check_finite(columns)
     mesh = current_mesh(ms)
@@ -127,7 +128,7 @@ def write_columns(ms: MeshSet, columns: Mapping[str, FloatArray]) -> None:
 
 
 def _overwrite_columns(ms: MeshSet, columns: Mapping[str, FloatArray]) -> None:
-    """Write columns that exist, but for those that hold these very bits already."""
+    """Write columns that exist, except those with identical bits."""
     mesh = current_mesh(ms)
     names = []
     for name, values in columns.items():
@@ -136,17 +137,17 @@ def _overwrite_columns(ms: MeshSet, columns: Mapping[str, FloatArray]) -> None:
             names.append(name)
     for k in range(0, len(names), len(CARRIERS)):
         batch = names[k : k + len(CARRIERS)]
-        with _carried(ms, *(columns[name] for name in batch)) as carriers:
+        with _carry_values(ms, *(columns[name] for name in batch)) as carriers:
             for name, carrier in zip(batch, carriers, strict=True):
                 ms.compute_new_custom_scalar_attribute_per_vertex(name=name, expr=carrier)
 
 
 @contextmanager
-def restored_on_failure(ms: MeshSet, names: Iterable[str]) -> Iterator[None]:
-    """Put coordinates, quality, vertex normals and the named columns back if the block fails or is interrupted.
+def restore_on_failure(ms: MeshSet, names: Iterable[str]) -> Iterator[None]:
+    """Restore coordinates, quality, vertex normals and the named columns if the block fails or is interrupted.
 
-    Columns and a quality that the mesh did not have cannot be removed any more: such columns stay as
-    they are, such a quality becomes 0. Face normals, which pymeshlab lets nobody set, follow the coordinates.
+    New columns and a new quality cannot be removed: such columns stay, such a quality becomes 0. Face
+    normals, which cannot be set in pymeshlab, follow the coordinates.
     """
     mesh = current_mesh(ms)
     columns = read_columns(ms, names)
@@ -157,25 +158,25 @@ def restored_on_failure(ms: MeshSet, names: Iterable[str]) -> Iterator[None]:
         yield
     except BaseException:
         if not np.array_equal(current_mesh(ms).vertex_matrix(), vertices, equal_nan=True):
-            write_coordinates(ms, vertices)  # and normals, which is why those are restored afterwards
+            write_coordinates(ms, vertices)  # changes normals, which are restored next
         _overwrite_columns(ms, columns)
         mesh = current_mesh(ms)
         if not np.array_equal(mesh.vertex_normal_matrix(), normals, equal_nan=True):
-            with _carried(ms, normals[:, 0], normals[:, 1]) as (x, y):
+            with _carry_values(ms, normals[:, 0], normals[:, 1]) as (x, y):
                 ms.compute_normal_by_function_per_vertex(x=x, y=y, z="nz")
-            with _carried(ms, normals[:, 2]) as (z,):
+            with _carry_values(ms, normals[:, 2]) as (z,):
                 ms.compute_normal_by_function_per_vertex(x="nx", y="ny", z=z)
         if mesh.has_vertex_scalar() and not np.array_equal(mesh.vertex_scalar_array(), quality, equal_nan=True):
-            with _carried(ms, quality) as (carrier,):
+            with _carry_values(ms, quality) as (carrier,):
                 ms.compute_scalar_by_function_per_vertex(q=carrier)
         raise
 
 
 @contextmanager
-def _carried(ms: MeshSet, *values: FloatArray) -> Iterator[Sequence[str]]:
-    """One or two arrays as scalar attributes, whose names are yielded; they are gone after the block.
+def _carry_values(ms: MeshSet, *values: FloatArray) -> Iterator[Sequence[str]]:
+    """Add one or two arrays as temporary scalar attributes; yields their names.
 
-    The user's own attributes of these names, or of that of the leftover, are set aside meanwhile.
+    User attributes with these names, or that of the leftover, are saved and restored.
     """
     mesh = current_mesh(ms)
     carriers, aside = CARRIERS[: len(values)], read_columns(ms, CARRIERS)
@@ -211,7 +212,7 @@ def _drop_carriers(ms: MeshSet) -> None:
 def write_coordinates(ms: MeshSet, vertices: FloatArray) -> None:
     """Set the coordinates of the current mesh, (n, 3), and its normals to unit normals of the new faces.
 
-    Everything else stays, except that the id of the next layer skips one.
+    Everything else stays, except that the id of the next layer increases by one.
     """
     mesh = current_mesh(ms)
     wanted = mesh.id()
@@ -226,5 +227,5 @@ def write_coordinates(ms: MeshSet, vertices: FloatArray) -> None:
         ms.delete_current_mesh()
         ms.set_current_mesh(wanted)
     if not np.array_equal(current_mesh(ms).vertex_matrix(), vertices):
-        raise BezierFilterError("pymeshlab did not take the new coordinates over bit for bit; they are too far apart")
+        raise BezierFilterError("pymeshlab could not store the new coordinates exactly; their range is too large")
     ms.compute_normal_per_vertex()

@@ -1,4 +1,4 @@
-"""Vertex colours from quality, high values always at the red or bright end, and colour maps as files for MeshLab."""
+"""Vertex colours from quality, with high values red or bright, and colour maps as files for MeshLab."""
 
 import os
 from pathlib import Path
@@ -11,7 +11,7 @@ from bezier_filters.meshlab.meshset import BezierFilterError, Mesh, MeshSet, cur
 from bezier_filters.runtime.atomic import atomic_write, temporary_folder
 
 _RED_IS_LOW = ("RGB", "French RGB")  # pymeshlab gives low values their red end
-# of the two filters that pymeshlab has for colour maps; palettes of ours it reads from a file
+# names in pymeshlab's two filters for colour maps; palettes of this package are read from a file
 _COLOR_MAPS = ("RGB", "Viridis", "Plasma", "Cividis", "Turbo", "RdPu")
 # The transfer function "RGB" is missing: it is the first map again, with darker colours in between.
 _TRANSFER_FUNCTIONS = ("Meshlab RGB", "French RGB", "Red Scale", "Green Scale", "Blue Scale", "Grey Scale", "Flat")
@@ -19,7 +19,7 @@ COLOR_MAP_NAMES = (*_COLOR_MAPS, *_TRANSFER_FUNCTIONS, "Saw 4", "Saw 8", *PALETT
 
 
 def find_color_map(name: str, *, signed: bool = False) -> str:
-    """Colour map of a name in any case; ``"auto"`` depends on whether zero is the middle of the field's range."""
+    """Colour map by name, in any case; ``"auto"`` depends on whether zero is the middle of the field's range."""
     wanted = default_colormap(signed=signed) if name == AUTO else name
     for known in COLOR_MAP_NAMES:
         if isinstance(wanted, str) and known.lower() == wanted.lower():
@@ -28,7 +28,7 @@ def find_color_map(name: str, *, signed: bool = False) -> str:
 
 
 def check_limits(low: float, high: float) -> None:
-    """Refuse ends of a colour range that pymeshlab cannot tell apart in single precision."""
+    """Refuse ends of a colour range that are equal in single precision, which pymeshlab uses."""
     with np.errstate(over="ignore", under="ignore"):
         ends = np.array([low, high], dtype=np.float64).astype(np.float32)
     if not (np.isfinite(ends).all() and ends[0] < ends[1]):
@@ -51,9 +51,9 @@ def color_by_quality(ms: MeshSet, low: float, high: float, colormap: str = AUTO)
         A colour map of pymeshlab, in any case: RGB, Viridis, Plasma, Cividis, Turbo, RdPu, Meshlab RGB, French RGB,
         Red Scale, Green Scale, Blue Scale, Grey Scale, Flat, Saw 4 or Saw 8; or one of ours: Cool Warm, from blue
         over grey to red, Paper, from green over blue to red, or Paper Curvature, from blue over green to red.
-        ``"auto"`` is Cool Warm for a range that is symmetric about 0, else Viridis; both are told apart with any kind
+        ``"auto"`` is Cool Warm for a range that is symmetric about 0, else Viridis; both are distinct with any kind
         of colour vision. High values are red or bright, unlike in pymeshlab, whose RGB and French RGB have red low.
-        RdPu ends in dark purple, as it does elsewhere; Flat is a single grey, Saw 4 and Saw 8 are 4 and 8 ramps from
+        RdPu ends in dark purple, as in other programs; Flat is a single grey, Saw 4 and Saw 8 are 4 and 8 ramps from
         black to light.
 
     Raises
@@ -132,12 +132,12 @@ def save_quality_map(path: str | os.PathLike[str], low: float, high: float, colo
     """
     color_map = find_color_map(colormap, signed=low == -high)
     check_limits(low, high)
-    colors = np.array(PALETTES[color_map]) if color_map in PALETTES else _sampled(color_map)
+    colors = np.array(PALETTES[color_map]) if color_map in PALETTES else _sample_colormap(color_map)
     with atomic_write(path) as temporary:
         _write_quality_map(temporary, colors, low, high)
 
 
-def _sampled(color_map: str) -> FloatArray:
+def _sample_colormap(color_map: str) -> FloatArray:
     """Colours that pymeshlab gives to 256 qualities from 0 to 1, shape (256, 3)."""
     ms = MeshSet()
     ms.add_mesh(Mesh(np.zeros((256, 3)), v_scalar_array=np.linspace(0.0, 1.0, 256)))

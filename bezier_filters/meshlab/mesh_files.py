@@ -1,4 +1,4 @@
-"""Mesh files: load one into a MeshSet, save the current mesh whole or not at all, with one-line errors."""
+"""Mesh files: load one into a MeshSet, save the current mesh atomically, with one-line errors."""
 
 import locale
 import os
@@ -20,7 +20,7 @@ from bezier_filters.files.field_files import read_fields
 from bezier_filters.files.lost_rows import find_lost_rows
 from bezier_filters.files.mesh_checks import check_mesh_file
 from bezier_filters.files.readable_copies import is_misread, write_copy
-from bezier_filters.meshlab.mesh_attributes import SCALAR, listed_attributes
+from bezier_filters.meshlab.mesh_attributes import SCALAR, list_attributes
 from bezier_filters.meshlab.meshset import (
     BezierFilterError,
     Mesh,
@@ -28,33 +28,33 @@ from bezier_filters.meshlab.meshset import (
     PyMeshLabException,
     current_mesh,
     one_at_a_time,
-    preserved_filter_script,
+    preserve_filter_script,
     reason_of,
 )
 from bezier_filters.runtime.atomic import atomic_write, temporary_folder
 from bezier_filters.runtime.file_names import is_utf8, printable_path
 from bezier_filters.runtime.supervision import limit_memory, limit_time, note_activity
 
-# seconds of processor time after which a reader is taken to run in circles, and bytes for each second more
-LEAST_PATIENCE, SLOWEST_READER = 60.0, 50_000.0
-_OURS = re.compile(f"{PREFIX}[a-z0-9_]+")  # names of attributes that every filter of pymeshlab can bear
-_UNIT = 1e-3  # by which the lengths of normals differ from 1 in files that round them
+# processor time after which a reader counts as hanging: seconds for any file, and bytes per additional second
+MIN_READER_SECONDS, MIN_READER_RATE = 60.0, 50_000.0
+_ATTRIBUTE_NAME = re.compile(f"{PREFIX}[a-z0-9_]+")  # attribute names that all filters of pymeshlab accept
+_NORMAL_LENGTH_TOLERANCE = 1e-3  # deviation from unit length of normals that were rounded in files
 
 
-WITH_FIELDS = ".ply"  # the format that holds quality, and ``bz_*`` columns, which pymeshlab does not read back
-_SIX_DIGITS, _SINGLE = 5e-6, 2.0**-24
-# largest error of a coordinate in each format that can be saved, as a part of the largest coordinate and as a length
+FIELD_SUFFIX = ".ply"  # suffix of the format with quality and ``bz_*`` columns, which pymeshlab does not read
+_SIX_DIGIT_ROUNDING, _SINGLE_ROUNDING = 5e-6, 2.0**-24
+# largest error of a coordinate in each format for saving: relative to the largest coordinate, and as a length
 _ROUNDING = {
-    **dict.fromkeys((WITH_FIELDS, ".obj", ".off"), (0.0, 0.0)),
-    **dict.fromkeys((".dae", ".x3d", ".wrl"), (_SIX_DIGITS, 0.0)),
-    **dict.fromkeys((".stl", ".3ds", ".ctm", ".dxf"), (_SINGLE, 0.0)),
-    ".3mf": (_SINGLE, 5e-7),
+    **dict.fromkeys((FIELD_SUFFIX, ".obj", ".off"), (0.0, 0.0)),
+    **dict.fromkeys((".dae", ".x3d", ".wrl"), (_SIX_DIGIT_ROUNDING, 0.0)),
+    **dict.fromkeys((".stl", ".3ds", ".ctm", ".dxf"), (_SINGLE_ROUNDING, 0.0)),
+    ".3mf": (_SINGLE_ROUNDING, 5e-7),
 }
 SAVE_SUFFIXES = tuple(_ROUNDING)
 
 
 def format_of(path: str | os.PathLike[str]) -> str:
-    """Suffix, in lower case, of a file to be saved, which decides on its format; other formats are refused."""
+    """Suffix, in lower case, of a file to save, which determines the format; unknown formats are refused."""
     suffix = Path(os.path.realpath(path)).suffix.lower()
     if suffix not in _ROUNDING:
         raise BezierFilterError(
@@ -75,14 +75,14 @@ def load_mesh(path: str | os.PathLike[str], *, attributes: bool = True, skip: bo
     attributes : bool
         Whether the columns ``bz_*`` of PLY files, as `save_mesh` writes them, become custom attributes again.
     skip : bool
-        Whether vertices whose coordinates are not finite are left out, with their faces. Later vertices move up, and
-        the columns of PLY files with them. Else such a file is refused.
+        Whether to omit vertices with coordinates that are not finite, and their faces. Later vertices move up, and so
+        do the columns of PLY files. Otherwise such a file is refused.
 
     Returns
     -------
     pymeshlab.MeshSet
-        With one mesh, of one vertex at least: a file with several has them in one. What is not finite in a column
-        is 0.
+        With one mesh of at least one vertex; several meshes of a file are merged. Values of columns that are not finite
+        become 0.
 
     Raises
     ------
@@ -94,7 +94,7 @@ def load_mesh(path: str | os.PathLike[str], *, attributes: bool = True, skip: bo
     MeshFileWarning
         If triangles of the file are missing.
     MeshFileNote
-        If vertices were skipped, or faces left out that have fewer than three different corners.
+        If vertices were skipped, or faces with fewer than three different corners.
 
     Examples
     --------
@@ -114,33 +114,33 @@ def load_mesh(path: str | os.PathLike[str], *, attributes: bool = True, skip: bo
     if attributes:
         mesh = meshset.current_mesh()
         for name, values in columns_of(path, kept, mesh.vertex_number()).items():
-            if _OURS.fullmatch(name):
+            if _ATTRIBUTE_NAME.fullmatch(name):
                 mesh.add_vertex_custom_scalar_attribute(np.where(np.isfinite(values), values, 0.0), name)
     return meshset
 
 
 def load_rows(path: Path, *, skip: bool) -> tuple[MeshSet, BoolArray | None]:
-    """Load a mesh without its columns; which vertices of the file it has, as a mask, or None if it has them all."""
+    """Load a mesh without its columns; also returns a mask of the vertices of the file that it has, None for all."""
     _check_regular(path)
     meshset = MeshSet()
     try:
         promised = check_mesh_file(path)
         size = path.stat().st_size
-        patience = limit_time(LEAST_PATIENCE + size / SLOWEST_READER)
+        patience = limit_time(MIN_READER_SECONDS + size / MIN_READER_RATE)
         with (
             _openable(path) as opened,
             note_activity(f"reading {printable_path(path)}"),
             limit_memory(size),
             patience,
-            _process_as_it_was(),
+            _restore_process_state(),
         ):
-            # Else pymeshlab makes faces between points, in rows of a grid that it guesses.
+            # Otherwise pymeshlab triangulates the points as a grid that it guesses.
             options = {"triangulate": False} if path.suffix.lower() == ".asc" else {}
             meshset.load_new_mesh(str(opened), **options)
             _merge_layers(meshset, path.name)
         mesh = meshset.current_mesh() if len(list(meshset)) else None
         if mesh is None or mesh.vertex_number() == 0:
-            raise BezierFilterError(f"cannot read {printable_path(path)}: there are no vertices in it")
+            raise BezierFilterError(f"cannot read {printable_path(path)}: it has no vertices")
         lost = find_lost_rows(path, promised, mesh.vertex_number(), mesh.face_number(), skip=skip)
     except FieldFileError as error:
         raise BezierFilterError(
@@ -172,8 +172,8 @@ def load_rows(path: Path, *, skip: bool) -> tuple[MeshSet, BoolArray | None]:
 
 
 def columns_of(path: Path, kept: BoolArray | None, vertex_count: int) -> dict[str, FloatArray]:
-    """Columns and quality of a PLY file, in the rows that a mask says; none if they are not of so many vertices."""
-    if path.suffix.lower() != WITH_FIELDS:
+    """Columns and quality of a PLY file, restricted to a mask; none if the number of vertices differs."""
+    if path.suffix.lower() != FIELD_SUFFIX:
         return {}
     try:
         columns = read_fields(path)
@@ -185,14 +185,14 @@ def columns_of(path: Path, kept: BoolArray | None, vertex_count: int) -> dict[st
 
 def _check_regular(path: Path) -> None:
     if not path.is_file():
-        kind = "it is a directory" if path.is_dir() else "it is no regular file" if path.exists() else "no such file"
+        kind = "it is a directory" if path.is_dir() else "it is not a regular file" if path.exists() else "no such file"
         raise BezierFilterError(f"cannot read {printable_path(path)}: {kind}")
     if path.stat().st_size == 0:
         raise BezierFilterError(f"cannot read {printable_path(path)}: the file is empty")
 
 
 def _merge_layers(ms: MeshSet, label: str) -> None:
-    """Make one mesh of all those of a file, with their transform matrices applied."""
+    """Merge all meshes of a file, with their transform matrices applied."""
     if len(list(ms)) > 1:
         ms.generate_by_merging_visible_meshes(mergevertices=False, alsounreferenced=True)
         ms.current_mesh().set_label(label)
@@ -201,10 +201,10 @@ def _merge_layers(ms: MeshSet, label: str) -> None:
 
 @contextmanager
 def _openable(path: Path) -> Iterator[Path]:
-    """A path that pymeshlab can open: UTF-8, and no name that begins with a colon, which is none of a file to it.
+    """A path that pymeshlab can open: UTF-8, and not starting with a colon.
 
-    For others there are links to all files of the folder, so that textures and materials of the mesh are found, too;
-    and beside them a copy, where pymeshlab would misread the file itself.
+    Otherwise a temporary folder has links to all files of the folder, so that textures and materials are found, and
+    a copy of the file if pymeshlab would misread it.
     """
     absolute, converts = path.absolute(), is_misread(path)
     if is_utf8(str(absolute)) and not absolute.name.startswith(":") and not converts:
@@ -235,18 +235,18 @@ def _utf8_folder(folder: Path) -> Iterator[Path]:
 
 
 def contents_of(ms: MeshSet) -> list[str]:
-    """What the current mesh carries besides its shape, in words.
+    """Data of the current mesh besides its shape, in words.
 
     pymeshlab computes normals where a file has none, as sums, and a quality of zeros.
     """
     mesh = current_mesh(ms)
     lengths = np.linalg.norm(mesh.vertex_normal_matrix(), axis=1)
-    columns = [name for kind, name in listed_attributes(ms) if kind == SCALAR]
+    columns = [name for kind, name in list_attributes(ms) if kind == SCALAR]
     there = {
         "colours of vertices": mesh.has_vertex_color(),
         "colours of faces": mesh.has_face_color(),
         "quality": mesh.has_vertex_scalar() and mesh.vertex_scalar_array().any(),
-        "normals": np.abs(lengths - 1.0).max() < _UNIT,
+        "normals": np.abs(lengths - 1.0).max() < _NORMAL_LENGTH_TOLERANCE,
         f"textures {', '.join(mesh.textures())}": mesh.texture_number() > 0,
         ", ".join(columns): bool(columns),
     }
@@ -259,18 +259,17 @@ def save_mesh(
 ) -> tuple[str, ...]:
     """Save the current mesh with everything that the format can hold.
 
-    The file appears whole or not at all. Files that go with it, such as the MTL of an OBJ, are
-    replaced; images of textures are written only where no file of that name exists, because
-    writing one's own input again loses quality. The transform matrix of the layer is lost, as always
-    in pymeshlab outside of projects.
+    The file is written atomically. Companion files, such as the MTL of an OBJ, are replaced; images of
+    textures are written only where no file of that name exists, because rewriting the input would lose
+    quality. The transform matrix of the layer is lost, as always in pymeshlab outside of projects.
 
     Parameters
     ----------
     ms : pymeshlab.MeshSet
-        Only its vertex normals change, to unit length: where a file has none, pymeshlab computes normals up to 6.28
-        long on reading.
+        Only its vertex normals change, to unit length: where a file has none, pymeshlab computes normals of lengths up
+        to 6.28 on reading.
     path : path
-        File to write or replace; its suffix decides on the format.
+        File to write or replace; its suffix determines the format.
     binary : bool
         Whether PLY and STL files are binary. pymeshlab rounds to 6 decimals in ASCII PLY files.
     attributes : bool
@@ -279,8 +278,8 @@ def save_mesh(
     Returns
     -------
     tuple of str
-        Remarks on what the file lacks: images in no format that pymeshlab writes, as those inside a glTF file, or
-        digits of the coordinates, where that shows.
+        Remarks on losses: images in formats that pymeshlab does not write, as inside a glTF file, or significant digits
+        of the coordinates.
 
     Raises
     ------
@@ -304,8 +303,8 @@ def save_mesh(
     suffix, mesh = format_of(path), current_mesh(ms)
     options: dict[str, Any] = {"binary": binary} if suffix in (".ply", ".stl") else {}
     if suffix == ".off" and mesh.has_vertex_color():
-        options["save_vertex_normal"] = False  # with both, readers take the colours for normals
-    if suffix == WITH_FIELDS:
+        options["save_vertex_normal"] = False  # with both, readers mistake the colours for normals
+    if suffix == FIELD_SUFFIX:
         options["save_vertex_normal"] = True
         if attributes:  # pymeshlab's keys are in lower case, as the names of our columns are
             keys = ms.filter_parameter_values("ply")
@@ -320,7 +319,7 @@ def save_mesh(
         ):
             # The name inside the folder is the final one: an OBJ file names its MTL file after itself, on one line.
             staged = linked / "".join(c if c.isprintable() else "_" for c in target.name)
-            with note_activity(f"writing {printable_path(path)}"), _process_as_it_was():
+            with note_activity(f"writing {printable_path(path)}"), _restore_process_state():
                 remarks = _save(ms, staged, options)
             if not staged.is_file():
                 raise BezierFilterError(f"cannot write {printable_path(path)}: pymeshlab wrote no file")
@@ -329,7 +328,7 @@ def save_mesh(
                 goal = target.parent / companion.name
                 if companion.name.startswith(staged.name) or not goal.exists():
                     os.replace(companion, goal)
-        return remarks + _rounded(mesh, suffix)
+        return remarks + _rounding_remarks(mesh, suffix)
     except BezierFilterError:
         raise
     except OSError as error:
@@ -348,15 +347,15 @@ def save_mesh(
 
 
 def _normalize(ms: MeshSet) -> None:
-    """Make the normals of vertices unit vectors, but for zeros."""
+    """Normalise the vertex normals, except zeros."""
     lengths = np.linalg.norm(current_mesh(ms).vertex_normal_matrix(), axis=1)
-    if (np.abs(lengths[lengths > 0.0] - 1.0) > _UNIT).any():
-        with preserved_filter_script(ms):
+    if (np.abs(lengths[lengths > 0.0] - 1.0) > _NORMAL_LENGTH_TOLERANCE).any():
+        with preserve_filter_script(ms):
             ms.apply_normal_normalization_per_vertex()
 
 
 def _save(ms: MeshSet, path: Path, options: dict[str, Any]) -> tuple[str, ...]:
-    """Save the current mesh; return what the file lacks."""
+    """Save the current mesh; return remarks on losses."""
     try:
         ms.save_current_mesh(str(path), **options)
         return ()
@@ -370,8 +369,8 @@ def _save(ms: MeshSet, path: Path, options: dict[str, Any]) -> tuple[str, ...]:
     )
 
 
-def _rounded(mesh: Mesh, suffix: str) -> tuple[str, ...]:
-    """What the format makes of the coordinates, if that is more than a thousandth of the edges."""
+def _rounding_remarks(mesh: Mesh, suffix: str) -> tuple[str, ...]:
+    """Remark on the rounding of coordinates by the format, if it exceeds a thousandth of the edges."""
     if not mesh.is_compact():
         return ()
     vertices, faces = mesh.vertex_matrix(), mesh.face_matrix()
@@ -385,11 +384,11 @@ def _rounded(mesh: Mesh, suffix: str) -> tuple[str, ...]:
 
 
 @contextmanager
-def _process_as_it_was() -> Iterator[None]:
-    """Undo what pymeshlab does to the process.
+def _restore_process_state() -> Iterator[None]:
+    """Restore the working directory and the locale after the block.
 
-    It works in the directory of the file, and stays there when it fails; and some of its readers and writers leave
-    the locale "C" behind, in which Python takes the text of other processes for ASCII.
+    pymeshlab changes to the directory of the file and stays there when it fails. Some of its readers and writers leave
+    the locale "C" set, in which Python decodes the output of other processes as ASCII.
     """
     with one_at_a_time():  # there is one of each for all threads
         directory, names = os.getcwd(), locale.setlocale(locale.LC_ALL)

@@ -26,7 +26,7 @@ from bezier_filters.meshlab.mesh_attributes import (
     KEPT_LEFTOVER,
     LEFTOVER,
     custom_attribute,
-    listed_attributes,
+    list_attributes,
     write_coordinates,
 )
 from bezier_filters.meshlab.meshset import BezierFilterError, Image, Mesh, MeshSet, current_mesh
@@ -37,7 +37,7 @@ _TEXTURE = "TextureFile "
 
 @dataclass(frozen=True)
 class MeshGrowth:
-    """What is added to a mesh of n vertices."""
+    """Vertices and faces to add to a mesh of n vertices."""
 
     vertices: FloatArray  # (k, 3): new ones, numbered from n on
     faces: IntArray  # (f, 3): new ones
@@ -53,15 +53,15 @@ def grow_mesh(ms: MeshSet, growth: MeshGrowth, *, select: bool) -> tuple[list[st
     if `select` says so, exactly the new faces. If anything fails, the MeshSet is as it was but for the id of the next
     new layer.
 
-    Returns the custom attributes that could not be kept, those whose names pymeshlab does not tell, in the form in
-    which it lists them; and whether the new faces show a texture.
+    Returns the custom attributes that were lost because pymeshlab does not report their exact names, as it lists them;
+    and whether the new faces show a texture.
     """
     old = current_mesh(ms)
     wanted, label, transform = old.id(), old.label(), np.array(old.transform_matrix())
     vertices = np.vstack([old.vertex_matrix(), growth.vertices])
     attributes, lost = _attributes(ms, old, growth)
     texture = _texture(ms, old, growth, vertices)
-    with _undone_on_failure(ms):
+    with _undo_on_failure(ms):
         ms.generate_copy_of_current_mesh()
         copy = ms.current_mesh_id()
         for layer in list(ms):
@@ -97,8 +97,8 @@ def grow_mesh(ms: MeshSet, growth: MeshGrowth, *, select: bool) -> tuple[list[st
 
 
 @contextmanager
-def _undone_on_failure(ms: MeshSet) -> Iterator[None]:
-    """Keep which layers are visible; if the block fails, delete layers that it made, and return to the current one."""
+def _undo_on_failure(ms: MeshSet) -> Iterator[None]:
+    """Preserve the visibility of layers; if the block fails, also delete its layers and restore the current one."""
     before = {layer.id(): layer.is_visible() for layer in ms}
     current = ms.current_mesh_id()
     try:
@@ -116,11 +116,11 @@ def _undone_on_failure(ms: MeshSet) -> Iterator[None]:
 
 
 def _attributes(ms: MeshSet, mesh: Mesh, growth: MeshGrowth) -> tuple[list[tuple[str, str, FloatArray]], list[str]]:
-    """Custom attributes with rows for what is new, and the listed names of those that cannot be read."""
+    """Custom attributes with rows for new vertices and faces, and the listed names of unreadable attributes."""
     found: list[tuple[str, str, FloatArray]] = []
     lost = []
     known = {name.lower(): name for name in (LEFTOVER, KEPT_LEFTOVER)}  # whose true names are not those listed
-    for kind, name in listed_attributes(ms):
+    for kind, name in list_attributes(ms):
         values = custom_attribute(mesh, name, kind)
         if values is None:
             values = custom_attribute(mesh, known.get(name, name), kind)
@@ -137,7 +137,7 @@ def _attributes(ms: MeshSet, mesh: Mesh, growth: MeshGrowth) -> tuple[list[tuple
 def _texture(
     ms: MeshSet, old: Mesh, growth: MeshGrowth, vertices: FloatArray
 ) -> tuple[FloatArray, IntArray, dict[str, Image]] | None:
-    """What the new faces show, if old ones do: coordinates (3 f, 2), numbers of the textures (f,), these by name."""
+    """Texture of the new faces, if old ones have one: coordinates (3 f, 2), texture numbers (f,), images by name."""
     if not old.has_wedge_tex_coord() or not old.texture_number():
         return None
     names, numbers = textures_of(ms)
@@ -151,9 +151,9 @@ def _texture(
 
 
 def _patch(old: Mesh, growth: MeshGrowth, vertices: FloatArray, numbers: FloatArray) -> Mesh:
-    """The new faces as a mesh of their own, with colours and quality that continue those of the vertices around them.
+    """The new faces as a mesh, with colours and quality of vertices continued smoothly from the rim.
 
-    Those of faces and texture coordinates are from what is near.
+    Attributes of faces and texture coordinates are those of the nearest old ones.
     """
     used, local = np.unique(growth.faces, return_inverse=True)
     faces, rim = local.reshape(-1, 3).astype(np.int32), used[used < old.vertex_number()]
@@ -181,9 +181,8 @@ def _patch(old: Mesh, growth: MeshGrowth, vertices: FloatArray, numbers: FloatAr
 def wedge_coordinates(corners: FloatArray, triangles: FloatArray, coordinates: FloatArray) -> FloatArray:
     """Texture coordinates (f, 3, 2) for corners (f, 3, 3) of new faces: those of the nearest points on old triangles.
 
-    The triangles (f, 3, 3), with coordinates (f, 3, 2), are those that new faces resemble, beside which they lie.
-    What is shown on new faces is then what lies on old ones, never a part of the texture that belongs to nothing or to
-    something else, and where a new face shares an edge with its old one, both show the same there.
+    The triangles (f, 3, 3), with texture coordinates (f, 3, 2), are old faces next to the new ones. New faces thus show
+    only parts of the texture that old faces show, and the texture is continuous across common edges.
 
     >>> old = np.array([[[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]])
     >>> new = np.array([[[1.0, 0, 0], [2, 2, 0], [0, 1, 0]]])
@@ -203,7 +202,7 @@ def wedge_coordinates(corners: FloatArray, triangles: FloatArray, coordinates: F
 def textures_of(ms: MeshSet) -> tuple[list[str], IntArray]:
     """Names of the textures of the current mesh, and the number of the one that each face shows, (m,).
 
-    Where there are several, pymeshlab tells their order and the numbers only in files.
+    Where there are several, pymeshlab reports their order and the numbers only in files.
     """
     mesh = current_mesh(ms)
     if mesh.texture_number() < 2:
@@ -228,7 +227,7 @@ def _load_patch(
 ) -> bool:
     """Add new faces with their texture as a layer, which becomes the current one.
 
-    There is none, and the answer is False, if pymeshlab's files cannot hold a name, such as one with spaces.
+    Returns False, without a layer, if a name cannot be stored in pymeshlab's files, such as one with spaces.
     """
     vertices: dict[str, NDArray[Any]] = {**coordinate_columns(patch.vertex_matrix())}
     if patch.has_vertex_color():
@@ -261,7 +260,7 @@ def _load_patch(
 
 
 def _save_picture(folder: Path, name: str, picture: Image) -> bool:
-    """Write a texture to where a file names it; its format is told by its content, whatever the name says."""
+    """Write a texture under its name; readers detect the format from the content."""
     target = (folder / name).resolve()
     if folder.resolve() not in target.parents:
         return False

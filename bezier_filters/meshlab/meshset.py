@@ -1,6 +1,6 @@
-"""The gate to pymeshlab: its types, the current mesh as arrays, and a filter script left as it was.
+"""Interface to pymeshlab: its types, the current mesh as arrays, and the filter script.
 
-This is the only module that imports pymeshlab; the others take its names from here.
+Only this module imports pymeshlab; the others import its names from here.
 """
 
 import os
@@ -39,8 +39,8 @@ Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")
 
 LIBRARY = pymeshlab
-MEASURED = 20_000  # faces whose edges are measured, at most
-# as they are before `register` extends them
+MAX_MEASURED_FACES = 20_000  # faces whose edges are measured
+# the original functions, before `register` extends them
 filter_list, _load_filter_script = pymeshlab.filter_list, pymeshlab.MeshSet.load_filter_script
 _lock = threading.RLock()
 
@@ -53,28 +53,28 @@ class BezierFilterError(pymeshlab.PyMeshLabException):  # type: ignore[misc]
 
 
 def checks_filter_arguments(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
-    """Check the arguments of a filter by its annotations; what is wrong is a `BezierFilterError`."""
+    """Check the arguments of a filter by its annotations; raises `BezierFilterError`."""
     checks = checks_arguments(function)
 
     @wraps(function)
-    def checked(*args: Parameters.args, **options: Parameters.kwargs) -> Result:
+    def wrapper(*args: Parameters.args, **options: Parameters.kwargs) -> Result:
         try:
             return checks(*args, **options)
         except InvalidParameterError as error:
             raise BezierFilterError(str(error)) from error
 
-    return checked
+    return wrapper
 
 
 def reason_of(error: Exception) -> str:
-    """The part of pymeshlab's error message that says why: its last line."""
+    """The reason in an error message of pymeshlab: its last line."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     return lines[-1].removeprefix("Error details: ") if lines else type(error).__name__
 
 
 @dataclass(frozen=True)
 class CurrentMesh:
-    """Copies of what the filters read from the current mesh of a MeshSet."""
+    """Copies of the arrays of the current mesh of a MeshSet."""
 
     id: int  # of the layer
     vertices: FloatArray  # (n, 3): as stored, without the transform matrix, as in pymeshlab's own filters
@@ -83,8 +83,8 @@ class CurrentMesh:
     vertex_selection: BoolArray  # (n,)
     face_selection: BoolArray  # (m,)
 
-    def selected_vertices(self) -> BoolArray:
-        """Selected vertices or, if there is none, the vertices of the selected faces; (n,), never none."""
+    def selection_mask(self) -> BoolArray:
+        """Mask (n,) of the selected vertices, or of the vertices of the selected faces; refused if it is empty."""
         if self.vertex_selection.any():
             return self.vertex_selection
         if not self.face_selection.any():
@@ -98,7 +98,7 @@ class CurrentMesh:
 
     def mean_edge(self) -> float | None:
         """Mean length of the edges of some 10,000 faces or more, or of all; None for a point cloud."""
-        edges, _, _ = distinct_edges(self.faces[:: 1 + len(self.faces) // MEASURED], len(self.vertices))
+        edges, _, _ = distinct_edges(self.faces[:: 1 + len(self.faces) // MAX_MEASURED_FACES], len(self.vertices))
         start, stop = edges[edges[:, 0] < edges[:, 1]].T
         lengths = np.linalg.norm(self.vertices[start] - self.vertices[stop], axis=1)
         return float(lengths.mean()) if len(lengths) else None
@@ -132,16 +132,16 @@ def read_current_mesh(ms: MeshSet) -> CurrentMesh:
 
 
 def check_unchanged(ms: MeshSet, mesh: CurrentMesh) -> None:
-    """Refuse to write to another mesh than the one that was read: callbacks and threads can change it."""
+    """Refuse to write if the current mesh has changed since it was read, for example by callbacks or threads."""
     now = current_mesh(ms)
     same = (now.id(), now.vertex_number(), now.face_number()) == (mesh.id, len(mesh.vertices), len(mesh.faces))
-    # NaN compares as equal: whether that is refused is for others to say.
+    # NaN compares as equal: other checks refuse it.
     if not same or not np.array_equal(now.vertex_matrix(), mesh.vertices, equal_nan=True):
         raise BezierFilterError("the current mesh was changed while the filter ran; nothing was written")
 
 
 def length_of(text: str) -> Length:
-    """A text that is a length, or a percentage of the diagonal of the bounding box, as values of pymeshlab."""
+    """Parse a length, or a percentage of the diagonal of the bounding box."""
     try:
         if not text.endswith("%"):
             return float(text)
@@ -156,7 +156,7 @@ def length_of(text: str) -> Length:
 
 
 def absolute_length(length: Length | None, vertices: FloatArray, name: str) -> float | None:
-    """A length that may be a percentage of the diagonal of the bounding box, as in pymeshlab.
+    """Convert a length, or a percentage of the diagonal of the bounding box, to a length.
 
     >>> absolute_length(PercentageValue(10), np.array([[0.0, 0.0, 0.0], [2.0, 3.0, 6.0]]), "radius")
     0.7000000000000001
@@ -173,13 +173,13 @@ def absolute_length(length: Length | None, vertices: FloatArray, name: str) -> f
     return length.value() if isinstance(length, pymeshlab.PureValue) else length
 
 
-def shipped_bunny() -> Path:
-    """Path of the Stanford bunny that the pymeshlab package brings along: 28,088 vertices, closed."""
+def bunny_path() -> Path:
+    """Path of the Stanford bunny in the pymeshlab package: 28,088 vertices, closed."""
     return Path(pymeshlab.__file__).parent / "tests" / "sample_meshes" / "bunny.obj"
 
 
 def former_filter_names() -> dict[str, str]:
-    """Names that pymeshlab's filters had before 2022, made from MeshLab's, and those that they have now."""
+    """Names of pymeshlab's filters before 2022, derived from MeshLab's, and their current names."""
     table = Path(pymeshlab.__file__).parent / "keys.txt"
     pairs = (line.split() for line in table.read_text(encoding="utf-8").splitlines()) if table.is_file() else ()
     return {pair[0]: pair[1] for pair in pairs if len(pair) == 2}
@@ -187,18 +187,17 @@ def former_filter_names() -> dict[str, str]:
 
 @contextmanager
 def one_at_a_time() -> Iterator[None]:
-    """Let no other thread of this package call pymeshlab inside the block.
+    """Exclude other threads of this package from pymeshlab inside the block.
 
-    Its filters keep their state in one place for all MeshSets of a process: filters with expressions in two threads
-    give wrong numbers or end the process. A script that calls pymeshlab in several threads itself needs
-    a lock of its own, or processes.
+    Its filters share global state between all MeshSets of a process: filters with expressions in two threads give
+    wrong numbers or crash. A script that calls pymeshlab in several threads itself needs its own lock, or processes.
     """
     with _lock:
         yield
 
 
 def _renew_lock() -> None:
-    """In a process that was forked there is no thread any more to release the lock."""
+    """Replace the lock in a forked process, where no thread is left to release it."""
     global _lock
     _lock = threading.RLock()
 
@@ -208,31 +207,31 @@ if hasattr(os, "register_at_fork"):
 
 
 @contextmanager
-def preserved_filter_script(ms: MeshSet) -> Iterator[None]:
-    """Let filters run inside the block, without a trace in the MeshSet's filter script, interrupts or other threads.
+def preserve_filter_script(ms: MeshSet) -> Iterator[None]:
+    """Run filters inside the block without recording them, and without interrupts or other threads.
 
-    pymeshlab records every filter. Those that ours call would fail on replay, because the numbers that they read
-    come from Python, so the script is set again after the block. Ctrl-C waits for the end of the block, so that a
-    MeshSet never stays between two states.
+    pymeshlab records every filter. Filters called by this package would fail on replay, because their numbers come
+    from Python, so the script is restored after the block. Ctrl-C waits for the end of the block, so that a MeshSet
+    never stays between two states.
     """
     with hold_interrupts(), one_at_a_time():
-        steps = recorded_steps(ms)
+        steps = read_script_steps(ms)
         try:
             yield
         finally:
-            set_recorded_steps(ms, steps)
+            write_script_steps(ms, steps)
 
 
-def recorded_steps(ms: MeshSet) -> list[ScriptStep]:
-    """Steps of the filter script of a MeshSet; pymeshlab tells numbers of its own filters to six digits."""
+def read_script_steps(ms: MeshSet) -> list[ScriptStep]:
+    """Steps of the filter script of a MeshSet; pymeshlab rounds numbers of its own filters to six digits."""
     with one_at_a_time(), temporary_folder() as folder:
         script = str(folder / "script.mlx")
         ms.save_filter_script(script)
         return read_filter_script(script)
 
 
-def set_recorded_steps(ms: MeshSet, steps: Sequence[ScriptStep]) -> None:
-    """Replace the filter script of a MeshSet, without the line per filter on stderr, whatever the verbosity."""
+def write_script_steps(ms: MeshSet, steps: Sequence[ScriptStep]) -> None:
+    """Replace the filter script of a MeshSet, without pymeshlab's output of a line per filter on stderr."""
     with one_at_a_time(), temporary_folder() as folder:
         script = folder / "script.mlx"
         script.write_text(script_text(steps), encoding="utf-8")
@@ -242,7 +241,7 @@ def set_recorded_steps(ms: MeshSet, steps: Sequence[ScriptStep]) -> None:
 
 @contextmanager
 def _silent_stderr() -> Iterator[None]:
-    """Discard what C++ code of this process writes to stderr inside the block; for one thread at a time."""
+    """Discard output of C++ code to stderr inside the block; for one thread at a time."""
     try:
         if sys.stderr is not None:
             sys.stderr.flush()

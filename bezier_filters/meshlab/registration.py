@@ -1,9 +1,8 @@
-"""The filters as part of pymeshlab, for those who ask for it: methods of MeshSet, names in lists, steps of scripts.
+"""Optional registration of the filters in pymeshlab: as methods of MeshSet, in lists, and as steps of scripts.
 
-The functions of pymeshlab and of its MeshSet that take or give names of filters are replaced by functions that pass on
-what is not about ours. Our steps lie in the MeshSet's own script: pymeshlab keeps and saves those that it does not
-know, in their order. But it rounds numbers to six digits and drops values without a type, so that ours lie there as
-text.
+Functions of pymeshlab and of its MeshSet that accept or return filter names are wrapped; other names are passed on.
+Steps of this package are stored in the MeshSet's own script, where pymeshlab preserves unknown steps in order. But it
+rounds numbers to six digits and drops values without a type, so these steps are stored as text.
 """
 
 import inspect
@@ -19,12 +18,12 @@ from bezier_filters.meshlab.meshset import (
     BezierFilterError,
     MeshSet,
     one_at_a_time,
-    recorded_steps,
-    set_recorded_steps,
+    read_script_steps,
+    write_script_steps,
 )
 from bezier_filters.meshlab.scripts import (
     OURS,
-    described_type,
+    describe_type,
     parameters_of,
     run_filter_script,
     script_step,
@@ -34,7 +33,7 @@ from bezier_filters.runtime.supervision import hold_interrupts
 
 Original = Callable[..., Any]
 
-_replaced: list[tuple[Any, str, Any]] = []  # what `register` replaced, where, and None where there was nothing
+_replaced: list[tuple[Any, str, Any]] = []  # owner, name and original of each replacement; None if there was none
 
 
 def register() -> None:
@@ -42,9 +41,9 @@ def register() -> None:
 
     They become methods of `pymeshlab.MeshSet`, with their signatures and docstrings, and
     `MeshSet.apply_filter`, `MeshSet.filter_parameter_values`, `filter_list`, `search`, `print_filter_list` and
-    `print_filter_parameter_list` know them. What methods and `apply_filter` do is recorded in the filter script of the
+    `print_filter_parameter_list` know them. Methods and `apply_filter` are recorded in the filter script of the
     MeshSet, in order, between the steps of MeshLab; `save_filter_script` writes it, and `load_filter_script` and
-    `apply_filter_script` replay it. The functions of `bezier_filters` leave the script as it is.
+    `apply_filter_script` replay it. The functions of `bezier_filters` do not change the script.
 
     Calling it again changes nothing; `unregister` undoes it. Names that were imported from pymeshlab before, as by
     ``from pymeshlab import filter_list``, stay those of pymeshlab.
@@ -78,11 +77,11 @@ def register() -> None:
     for owner, functions in ((MeshSet, _OF_MESHSETS), (LIBRARY, _OF_THE_LIBRARY)):
         for function in functions:
             name = function.__name__.removeprefix("_")
-            _replace(owner, name, _extended(vars(owner)[name], function))
+            _replace(owner, name, _extend(vars(owner)[name], function))
 
 
 def unregister() -> None:
-    """Undo `register`: pymeshlab is as it was. Where nothing is registered, nothing happens.
+    """Undo `register`; without a registration, nothing happens.
 
     Steps of ours that were recorded stay in the scripts of MeshSets, and pymeshlab alone cannot replay them.
 
@@ -107,14 +106,14 @@ def _replace(owner: Any, name: str, value: Any) -> None:
     setattr(owner, name, value)
 
 
-def _extended(original: Original, function: Callable[..., Any]) -> Callable[..., Any]:
-    """A function of ours, which gets that of pymeshlab as its first argument, under its name and docstring."""
+def _extend(original: Original, function: Callable[..., Any]) -> Callable[..., Any]:
+    """Wrap a function of pymeshlab, which becomes the first argument of a function of this package."""
 
     @wraps(original)
-    def extended(*arguments: Any, **parameters: Any) -> Any:
+    def wrapper(*arguments: Any, **parameters: Any) -> Any:
         return function(original, *arguments, **parameters)
 
-    return extended
+    return wrapper
 
 
 def _method(function: Callable[..., Report]) -> Callable[..., Report]:
@@ -129,11 +128,11 @@ def _apply_filter(original: Original, ms: MeshSet, filter_name: str, **parameter
     if filter_name not in OURS:
         return dict(original(ms, filter_name, **parameters))
     values = _values(filter_name, {name: value for name, value in parameters.items() if name != "progress"})
-    values["threads"] = None  # nothing depends on them
+    values["threads"] = None  # results do not depend on it
     report = OURS[filter_name](ms, **parameters)
     step = script_step(filter_name, **{key: "none" if value is None else value for key, value in values.items()})
     with hold_interrupts(), one_at_a_time():
-        set_recorded_steps(ms, [*recorded_steps(ms), _as_text(step)])
+        write_script_steps(ms, [*read_script_steps(ms), _textual_step(step)])
     return report
 
 
@@ -142,7 +141,7 @@ def _filter_parameter_values(original: Original, ms: MeshSet, name: str, **param
 
 
 def _values(name: str, given: Mapping[str, Any]) -> dict[str, Any]:
-    """Values of all parameters of a filter of ours that scripts can set."""
+    """Values of all parameters that scripts can set, of a filter of this package."""
     signature = inspect.signature(OURS[name])
     defaults = {key: signature.parameters[key].default for key in parameters_of(OURS[name])}
     for key in given:
@@ -157,28 +156,28 @@ def _load_filter_script(original: Original, ms: MeshSet, filter_script_name: str
     except (OSError, InvalidScriptError):
         steps = []
     if any(map(_is_ours, steps)):
-        set_recorded_steps(ms, [_as_text(step) for step in steps])
+        write_script_steps(ms, [_textual_step(step) for step in steps])
     else:
         original(ms, filter_script_name)
 
 
 def _apply_filter_script(original: Original, ms: MeshSet) -> None:
-    steps = recorded_steps(ms)
+    steps = read_script_steps(ms)
     if not any(map(_is_ours, steps)):
         original(ms)
         return
     try:
         run_filter_script(ms, steps)
     finally:
-        set_recorded_steps(ms, steps)  # pymeshlab does not record a replay
+        write_script_steps(ms, steps)  # pymeshlab does not record a replay
 
 
 def _is_ours(step: ScriptStep) -> bool:
     return step.name in OURS or snake_case(step.name) in OURS
 
 
-def _as_text(step: ScriptStep) -> ScriptStep:
-    """A step all of whose values outlast a stay in a MeshSet."""
+def _textual_step(step: ScriptStep) -> ScriptStep:
+    """A step with values as text, which a MeshSet stores without loss."""
     kept = {"type": "RichString"} if _is_ours(step) else {}
     least = {"type": "RichString", "min": "0", "max": "0"}  # of lengths, pymeshlab reads those with a range
     return ScriptStep(step.name, {name: least | dict(given) | kept for name, given in step.parameters.items()})
@@ -208,7 +207,7 @@ def _print_filter_parameter_list(original: Original, name: str) -> None:
     print(f"{name} filter - list of parameter names:")
     hints = parameters_of(OURS[name])
     for key, value in _values(name, {}).items():
-        print(f"\t{key} : {described_type(hints[key])} = {value}", flush=True)
+        print(f"\t{key} : {describe_type(hints[key])} = {value}", flush=True)
 
 
 _METHODS = {name: _method(function) for name, function in OURS.items()}

@@ -1,4 +1,4 @@
-"""Runs filter scripts that mix MeshLab's filters with those of this package: their names and values in Python."""
+"""Runs filter scripts that mix MeshLab's filters with filters of this package."""
 
 import difflib
 import inspect
@@ -69,7 +69,7 @@ _NEWER_NAMES = {
 
 @dataclass(frozen=True)
 class StepReport:
-    """What a step of a script did.
+    """Result of a step of a script.
 
     Attributes
     ----------
@@ -94,8 +94,8 @@ def run_filter_script(
 ) -> list[StepReport]:
     """Run the steps of a filter script on a MeshSet, one after the other.
 
-    A name is MeshLab's (``"Laplacian Smooth"``), pymeshlab's (``"apply_coord_laplacian_smoothing"``) or ours. Names
-    of filters, and the parameters of ours, are checked before the first one runs.
+    Names are MeshLab's (``"Laplacian Smooth"``), pymeshlab's (``"apply_coord_laplacian_smoothing"``) or of this
+    package. Names of filters, and parameters of this package's filters, are checked before the first step runs.
 
     Parameters
     ----------
@@ -166,7 +166,7 @@ def check_steps(steps: Sequence[ScriptStep]) -> list[str]:
 
 @contextmanager
 def _errors_of(part: str) -> Iterator[None]:
-    """Say in errors which part of a script they are about."""
+    """Name the part of a script in errors."""
     try:
         yield
     except InvalidScriptError as error:
@@ -176,7 +176,7 @@ def _errors_of(part: str) -> Iterator[None]:
 
 
 def snake_case(name: str) -> str:
-    """MeshLab's name of a filter as pymeshlab wrote it at first.
+    """MeshLab's name of a filter in pymeshlab's former spelling.
 
     >>> snake_case("Remeshing: Isotropic Explicit Remeshing")
     'remeshing_isotropic_explicit_remeshing'
@@ -186,10 +186,10 @@ def snake_case(name: str) -> str:
 
 def _our_values(name: str, step: ScriptStep) -> dict[str, Any]:
     hints = parameters_of(OURS[name])
-    return _converted(step, hints, lambda key, attributes: value_of_type(hints[key], attributes))
+    return _convert_parameters(step, hints, lambda key, attributes: value_of_type(hints[key], attributes))
 
 
-def _converted(
+def _convert_parameters(
     step: ScriptStep, known: Mapping[str, Any], convert: Callable[[str, Mapping[str, str]], Any]
 ) -> dict[str, Any]:
     values = {}
@@ -207,7 +207,7 @@ def _converted(
 
 def _run_meshlab(ms: MeshSet, name: str, step: ScriptStep) -> Report:
     defaults = ms.filter_parameter_values(name)  # some depend on the mesh
-    values = _converted(step, defaults, lambda key, attributes: value_like(defaults[key], attributes))
+    values = _convert_parameters(step, defaults, lambda key, attributes: value_like(defaults[key], attributes))
     while True:
         try:
             return dict(ms.apply_filter(name, **values) or {})
@@ -222,7 +222,7 @@ def _run_meshlab(ms: MeshSet, name: str, step: ScriptStep) -> Report:
 
 
 def _plain(value: Any) -> Any:
-    """A value that can be written as JSON in the place of one that cannot."""
+    """Convert a value for JSON."""
     if isinstance(value, BoundingBox):
         return {"min": value.min(), "max": value.max()}
     return value.tolist() if isinstance(value, np.ndarray | np.generic) else str(value)
@@ -233,7 +233,7 @@ _TYPES = {int: "RichInt", float: "RichFloat"}  # MeshLab's names; anything else 
 
 
 def script_step(name: str, **parameters: Any) -> ScriptStep:
-    """Step of a script, with parameters given as Python values; those that are None are left out.
+    """Step of a script, with parameters given as Python values; None is omitted.
 
     Parameters
     ----------
@@ -270,7 +270,7 @@ def parameters_of(function: Callable[..., Any]) -> dict[str, Any]:
 
 
 def value_of_type(hint: Any, attributes: Mapping[str, str]) -> Any:
-    """Value of a parameter of ours.
+    """Value of a parameter of a filter of this package.
 
     >>> value_of_type(int | Literal["auto"], {"value": "3"})
     3
@@ -281,16 +281,16 @@ def value_of_type(hint: Any, attributes: Mapping[str, str]) -> Any:
             return _read(option, text)
         except (ValueError, KeyError):
             continue
-    raise InvalidScriptError(f"got {text!r}, expected {described_type(hint)}")
+    raise InvalidScriptError(f"got {text!r}, expected {describe_type(hint)}")
 
 
-def described_type(hint: Any) -> str:
-    """What values a parameter of ours takes, in words.
+def describe_type(hint: Any) -> str:
+    """Values that a parameter accepts, in words.
 
-    >>> described_type(int | Literal["auto"])
+    >>> describe_type(int | Literal["auto"])
     "an integer or 'auto'"
     """
-    return " or ".join(dict.fromkeys(map(_described, _options(hint))))
+    return " or ".join(dict.fromkeys(map(_describe_option, _options(hint))))
 
 
 def _options(hint: Any) -> list[Any]:
@@ -306,13 +306,13 @@ def _percentage(text: str) -> PercentageValue:
 
 
 _FLAGS, _NOTHING = {"true": True, "1": True, "false": False, "0": False}, {"": None, "none": None}
-# how a text becomes a value of a type, with a ValueError or KeyError if it does not, and what is said of the type then
+# parsers of text by type, which raise ValueError or KeyError, and the names of the types in messages
 _READERS: dict[object, tuple[Callable[[str], object], str]] = {
     bool: (lambda text: _FLAGS[text.lower()], "true or false"),
     int: (int, "an integer"),
     float: (float, "a number"),
     str: (str, "text"),
-    PureValue: (float, "a number"),  # which our filters take, too; a PureValue has single precision
+    PureValue: (float, "a number"),  # float instead, as PureValue has single precision
     PercentageValue: (_percentage, "a percentage such as 2%"),
     type(None): (lambda text: _NOTHING[text.lower()], "nothing"),
 }
@@ -328,7 +328,7 @@ def _read(option: Any, text: str) -> Any:
     return option
 
 
-def _described(option: Any) -> str:
+def _describe_option(option: Any) -> str:
     if get_origin(option) is tuple:
         return f"{len(get_args(option))} numbers"
     return _READERS[option][1] if option in _READERS else repr(option)

@@ -1,4 +1,4 @@
-"""What pymeshlab says of the topology of a mesh: its borders and holes, its components, whether it is a manifold."""
+"""Topology of a mesh by pymeshlab: borders, holes, components, manifoldness; and repairs."""
 
 from collections import OrderedDict
 from collections.abc import Hashable
@@ -12,7 +12,12 @@ from bezier_filters.fitting.model_cache import cache_key
 from bezier_filters.holes.hole_detection import find_holes
 from bezier_filters.meshes.adjacency import incoherent_vertices, vertex_adjacency
 from bezier_filters.meshes.face_sides import face_sides
-from bezier_filters.meshes.half_edges import COINCIDENT, border_edges, doubled_edges, proper_faces
+from bezier_filters.meshes.half_edges import (
+    COINCIDENCE_TOLERANCE,
+    border_edges,
+    coincident_border_edges,
+    proper_faces,
+)
 from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
 from bezier_filters.meshlab.meshset import (
     BezierFilterError,
@@ -23,13 +28,13 @@ from bezier_filters.meshlab.meshset import (
     PyMeshLabException,
     current_mesh,
     one_at_a_time,
-    preserved_filter_script,
+    preserve_filter_script,
     read_current_mesh,
     reason_of,
 )
 from bezier_filters.runtime.parallel import single_threaded_openmp
 
-# by our names, the measures of `get_topological_measures`
+# measures of `get_topological_measures`, by their names here
 _MEASURES = {
     "components": "connected_components_number",
     "genus": "genus",
@@ -39,7 +44,7 @@ _MEASURES = {
     "non_manifold_vertices": "non_two_manifold_vertices",
     "two_manifold": "is_mesh_two_manifold",
 }
-_KEPT = 4  # meshes whose topology is kept, as filters follow each other: pymeshlab takes about as long as an estimate
+_MAX_CACHED_MESHES = 4  # cached topologies, for filters in sequence: computing one takes about as long as an estimate
 _lock, _recent = Lock(), OrderedDict[Hashable, "Topology"]()
 
 
@@ -49,12 +54,12 @@ class Topology:
 
     counts: Report
     on_border: BoolArray  # (n,): vertices on an edge of one face only
-    is_coherent: bool  # whether neighbouring faces agree on which side is outside; of this pymeshlab says nothing
+    is_coherent: bool  # whether neighbouring faces agree on the outside, which pymeshlab does not report
     not_manifold: BoolArray  # (n,): ends of edges of three or more faces, and vertices at which surfaces only touch
 
     @property
     def remarks(self) -> list[str]:
-        """What users of estimates have to know of it."""
+        """Remarks for users of estimates."""
         texts = {
             "non_manifold_faces": "faces lie on edges of three or more, where neighbourhoods mix sheets",
             "non_manifold_vertices": "vertices join surfaces that only touch, which neighbourhoods mix",
@@ -64,7 +69,7 @@ class Topology:
 
 
 def topology_of(vertices: FloatArray, faces: IntArray) -> Topology:
-    """What pymeshlab says of the topology of a mesh, or said of one of the last that it was asked for."""
+    """Topology of a mesh by pymeshlab, from a cache of the last meshes."""
     key = cache_key(np.ascontiguousarray(faces), len(vertices))
     with _lock:
         known = _recent.pop(key, None)
@@ -72,13 +77,13 @@ def topology_of(vertices: FloatArray, faces: IntArray) -> Topology:
         known = _ask_for_topology(vertices, faces)
     with _lock:
         _recent[key] = known
-        while len(_recent) > _KEPT:
+        while len(_recent) > _MAX_CACHED_MESHES:
             _recent.popitem(last=False)
     return known
 
 
-def forget_topology() -> None:
-    """Ask pymeshlab again from now on."""
+def clear_topology_cache() -> None:
+    """Clear the cache of `topology_of`."""
     with _lock:
         _recent.clear()
 
@@ -86,10 +91,9 @@ def forget_topology() -> None:
 def _ask_for_topology(vertices: FloatArray, faces: IntArray) -> Topology:
     """Ask pymeshlab for the topology of a mesh given as arrays.
 
-    On a MeshSet that filter clears the selection, so it runs on a MeshSet of its own. Faces that name a vertex twice
-    are left out: on those it may run forever. Where the mesh is not a manifold, pymeshlab does not say how many holes
-    there are: the genus is None, the loops of the border are counted by us, or None if they cannot be ordered, and
-    ``boundary_loops_by`` says whose the number is.
+    That filter clears the selection, so it runs on a separate MeshSet. Faces that repeat a vertex are omitted, as it
+    may loop forever on them. Where the mesh is not a manifold, pymeshlab does not count holes: the genus is None, the
+    boundary loops are counted here, or None if they cannot be ordered, and ``boundary_loops_by`` names the source.
     """
     proper = proper_faces(faces)
     with one_at_a_time():
@@ -116,10 +120,10 @@ def _ask_for_topology(vertices: FloatArray, faces: IntArray) -> Topology:
     return Topology(counts, on_border, is_coherent, not_manifold)
 
 
-def repaired_copy(ms: MeshSet) -> tuple[CurrentMesh, Report]:
-    """What `repair` would make of the current mesh, which stays as it is, and its report."""
+def repair_copy(ms: MeshSet) -> tuple[CurrentMesh, Report]:
+    """Repaired copy of the current mesh, which does not change, and the report of `repair`."""
     wanted = ms.current_mesh_id()
-    with preserved_filter_script(ms):
+    with preserve_filter_script(ms):
         ms.generate_copy_of_current_mesh()
         try:
             report = repair(ms)
@@ -131,20 +135,22 @@ def repaired_copy(ms: MeshSet) -> tuple[CurrentMesh, Report]:
 
 
 def repair(ms: MeshSet) -> Report:
-    """Weld borders of the current mesh that lie on each other, split non-manifold edges, turn faces that disagree.
+    """Weld coincident borders of the current mesh, split non-manifold edges and vertices, reorient flipped faces.
 
-    pymeshlab's own filters do it, each where there is need. They turn faces to the first of each component; if most
-    would turn, all do once more. All are turned, too, where all are of closed bodies that are inside out. Returns the
-    numbers of what was changed.
+    It runs pymeshlab's own filters where needed. These orient faces like the first of each component; if most faces
+    would change, all are reversed again. All are reversed, too, if they form closed bodies that are inside out. Returns
+    the numbers of changes.
     """
     mesh = current_mesh(ms)
     given = triangle_mesh(mesh.vertex_matrix(), mesh.face_matrix())
     border = border_edges(given, vertex_adjacency(given).on_boundary)
     try:
         with single_threaded_openmp():
-            if doubled_edges(given, border).any():
+            if coincident_border_edges(given, border).any():
                 lengths = np.linalg.norm(given.vertices[border.end] - given.vertices[border.start], axis=1)
-                ms.meshing_merge_close_vertices(threshold=PureValue(COINCIDENT * float(lengths[lengths > 0.0].min())))
+                ms.meshing_merge_close_vertices(
+                    threshold=PureValue(COINCIDENCE_TOLERANCE * float(lengths[lengths > 0.0].min()))
+                )
             welded, referenced = mesh.vertex_number(), len(np.unique(mesh.face_matrix()))
             ms.meshing_remove_duplicate_faces()
             if not _is_manifold(mesh):
@@ -163,7 +169,7 @@ def repair(ms: MeshSet) -> Report:
         reason = f"repair: pymeshlab could not repair this mesh ({reason_of(error)}); go on without that"
         raise BezierFilterError(reason) from error
     return {
-        "welded_vertices": given.vertex_count - welded,
+        "weld_vertices": given.vertex_count - welded,
         "split_vertices": len(np.unique(faces)) - referenced,
         "removed_faces": given.face_count - len(faces),
         "turned_faces": _count_turned(faces, mesh),

@@ -1,4 +1,4 @@
-"""Whether a filter did what it was asked for, and why not, by the diagnosis of the mesh."""
+"""Warnings and remarks about the success of a filter, with the diagnosis of the mesh."""
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from bezier_filters.status import FitStatus
 
 
 def fit_verdict(what: str, geometry: VertexGeometry, mesh: CurrentMesh, mask: BoolArray, worst: FitStatus) -> Report:
-    """Texts: a warning where no vertex of a mask has an estimate, a remark where most have none to rely on."""
+    """A warning if no vertex of a mask has an estimate, a remark if most estimates are unreliable."""
     if len(mesh.faces):  # isolated vertices have a message of their own
         in_faces = np.isin(np.arange(len(mask)), mesh.faces)
         mask = mask & in_faces if (mask & in_faces).any() else mask
@@ -30,23 +30,23 @@ def fit_verdict(what: str, geometry: VertexGeometry, mesh: CurrentMesh, mask: Bo
 
 
 def orientation_remarks(mesh: CurrentMesh, topology: Topology) -> list[str]:
-    """Where signs of curvatures and normals are wrong, because faces disagree or a body is inside out."""
+    """Remarks about wrong signs of curvatures and normals, by flipped faces or inside-out bodies."""
     is_closed = not topology.counts["boundary_edges"]
     if topology.is_coherent and not (is_closed and _volume(mesh) < 0.0):
         return []
     found = orientation_findings(triangle_mesh(mesh.vertices, mesh.faces))
-    return [f"{finding}; repair=True of the filter mends what can be mended" for finding in found]
+    return [f"{finding}; repair=True of the filter repairs some of it" for finding in found]
 
 
 def _volume(mesh: CurrentMesh) -> float:
-    """What all faces together enclose, length^3."""
+    """Signed volume enclosed by the faces, length^3."""
     middle = mesh.vertices.mean(axis=0)
     a, b, c = (mesh.vertices[mesh.faces[:, k]] - middle for k in range(3))
     return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
 
 
 def smoothing_warnings(result: SmoothingResult, mesh: CurrentMesh) -> list[str]:
-    """Why nothing could be smoothed; none where nothing had to be, as on a clean or a flat mesh."""
+    """Why nothing was smoothed; empty where nothing was to do, as on a clean or a flat mesh."""
     if result.displacement.any():
         return []
     shape = triangle_mesh(mesh.vertices, mesh.faces)

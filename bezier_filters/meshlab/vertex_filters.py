@@ -1,8 +1,8 @@
-"""The filters that write fields of vertices into a MeshSet: normals, curvature, torsion, what smoothing did.
+"""The filters that write fields of vertices into a MeshSet: normals, curvature, torsion, smoothing.
 
-Like the other filters they follow pymeshlab's manner: named ``verb_what_by_how_per_element``, keyword arguments, in
-place on the current mesh, a dict as result. What their docstrings do not say, the tables in `fields` and `parameters`
-do; `documented` puts it there.
+Like the other filters they follow pymeshlab's conventions: named ``verb_what_by_how_per_element``, keyword arguments,
+in place on the current mesh, a dict as result. `complete_docstring` completes their docstrings from the tables in
+`fields` and `parameters`.
 """
 
 from dataclasses import asdict, dataclass
@@ -27,7 +27,7 @@ from bezier_filters.meshlab.meshset import (
 )
 from bezier_filters.meshlab.topology import topology_of
 from bezier_filters.meshlab.verdicts import fit_verdict, smoothing_warnings
-from bezier_filters.parameters import documented
+from bezier_filters.parameters import complete_docstring
 from bezier_filters.patches.smoothness import Smoothness
 from bezier_filters.runtime.parallel import Progress
 from bezier_filters.smoothing.smooth import SmoothedBorders, SmoothingMethod, SmoothingResult, smooth
@@ -51,7 +51,7 @@ class FitArguments:
 
 
 @checks_filter_arguments
-@documented(NORMALS)
+@complete_docstring(NORMALS)
 def compute_normal_by_bezier_patch_per_vertex(
     ms: MeshSet,
     *,
@@ -94,7 +94,7 @@ def compute_normal_by_bezier_patch_per_vertex(
 
 
 @checks_filter_arguments
-@documented(CURVATURE)
+@complete_docstring(CURVATURE)
 def compute_curvature_by_bezier_patch_per_vertex(
     ms: MeshSet,
     *,
@@ -152,7 +152,7 @@ def compute_curvature_by_bezier_patch_per_vertex(
 
 
 @checks_filter_arguments
-@documented(TORSION)
+@complete_docstring(TORSION)
 def compute_torsion_by_bezier_patch_per_vertex(
     ms: MeshSet,
     *,
@@ -217,7 +217,7 @@ def _run(ms: MeshSet, name: str, fit: FitArguments, output: Output, direction: D
         return Computed(found, directed.known, report, set_normals if name == NORMALS else lambda: None)
 
     def set_normals() -> None:
-        """To the new ones where there is an estimate; the old ones stay elsewhere."""
+        """Set the new normals where there is an estimate."""
         estimated = f"{GRADE} >= {worst.grade}"
         new = {axis: f"({estimated}) ? {PREFIX}normal_{axis} : n{axis}" for axis in "xyz"}
         ms.compute_normal_by_function_per_vertex(**new, onselected=output.onselected)
@@ -235,7 +235,7 @@ def fit_mesh(mesh: CurrentMesh, mask: BoolArray, fit: FitArguments) -> VertexGeo
 
 
 def _finite(vectors: FloatArray) -> FloatArray:
-    """Vectors with zeros for those that are not finite."""
+    """Replace vectors that are not finite by zeros."""
     return np.where(np.isfinite(vectors).all(axis=1, keepdims=True), vectors, 0.0)
 
 
@@ -247,7 +247,7 @@ def _angles_in_degrees(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 @checks_filter_arguments
-@documented(SMOOTH)
+@complete_docstring(SMOOTH)
 def apply_coord_bezier_patch_smoothing(
     ms: MeshSet,
     *,
@@ -270,15 +270,15 @@ def apply_coord_bezier_patch_smoothing(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Report:
-    """Take the noise off the current mesh and keep its shape, its volume and its edges.
+    """Remove the noise of the current mesh and keep its shape, its volume and its edges.
 
-    By default nothing is to be chosen: the noise is learned from the mesh, and what has none stays as it
-    is; round parts are smoothed like a scan, edges and corners are kept sharp. See `bezier_filters.smooth`.
+    It needs no options: the noise is learned from the mesh, and a clean mesh does not change; round parts are smoothed
+    like a scan, edges and corners are kept sharp. See `bezier_filters.smooth`.
 
     The vertices move, and vertex and face normals are those of the new faces. Attributes of other filters, such as
-    ``bz_k_min``, stay as they are and describe the mesh before. Besides its own attributes the filter changes nothing
-    else in the MeshSet: not the selections, colours (unless asked for), textures or filter script; the id of the next
-    new layer skips one.
+    ``bz_k_min``, stay and describe the mesh before. Besides its own attributes the filter changes nothing else in the
+    MeshSet: not the selections, colours (unless asked for), textures or filter script; the id of the next new layer
+    increases by one more.
 
     Parameters
     ----------
@@ -292,9 +292,9 @@ def apply_coord_bezier_patch_smoothing(
     dict
         ``moved`` (number of vertices), ``displacement`` (mean, rms and max, lengths), ``noise_before`` and
         ``noise_after`` (standard deviation along the normal, lengths, or None), ``noise_length`` (over which that
-        before is correlated, or 0), ``noise_heavy`` (whether it turns single normals), ``iterations`` (that moved
-        something: after those there is nothing left to do), ``remarks`` (texts), ``warnings`` (texts: why nothing could
-        be smoothed), ``repaired`` (as in `meshing_close_holes_by_bezier_patch`, or None), ``volume_before``,
+        before is correlated, or 0), ``noise_heavy`` (whether it flips single normals), ``iterations`` (that moved
+        vertices), ``remarks`` (texts), ``warnings`` (texts: why nothing could be smoothed), ``repaired`` (as in
+        `meshing_close_holes_by_bezier_patch`, or None), ``volume_before``,
         ``volume_after`` (length^3) and ``volume_ratio`` (None if nothing is closed), ``topology`` (what pymeshlab
         counts, as in `meshing_close_holes_by_bezier_patch`; it says which vertices are on the border, or on edges of
         more than two faces, which the paper's method holds), ``mean_edge``, ``flipped_before``, ``flipped_after``,
@@ -324,7 +324,7 @@ def apply_coord_bezier_patch_smoothing(
         topology, movable = topology_of(mesh.vertices, mesh.faces), mask.copy()
         if borders == "fixed":
             movable &= ~topology.on_border
-        if method == "paper":  # which has no patch where faces are not one surface
+        if method == "paper":  # it has no patches at non-manifold vertices
             movable &= ~topology.not_manifold
         result = smooth(
             mesh.vertices,
@@ -353,7 +353,7 @@ def apply_coord_bezier_patch_smoothing(
 
 
 def _smoothing_report(result: SmoothingResult) -> Report:
-    """The result without its arrays, and what follows from them."""
+    """The result without its arrays, with statistics of these."""
     return {name: value for name, value in vars(result).items() if not isinstance(value, np.ndarray)} | {
         "moved": int(np.count_nonzero(result.displacement)),
         "displacement": {

@@ -9,7 +9,7 @@ from bezier_filters.arrays import Report
 from bezier_filters.display import AUTO
 from bezier_filters.fields import CURVATURE, NORMALS, QUALITY, TORSION, qualities
 from bezier_filters.meshlab.mesh_files import load_mesh, save_mesh
-from bezier_filters.meshlab.meshset import read_current_mesh, shipped_bunny
+from bezier_filters.meshlab.meshset import bunny_path, read_current_mesh
 from bezier_filters.meshlab.vertex_filters import (
     compute_curvature_by_bezier_patch_per_vertex,
     compute_normal_by_bezier_patch_per_vertex,
@@ -38,10 +38,10 @@ def run_demo(
 ) -> Iterator[tuple[str, Path, Report]]:
     """Write the files of the demonstration one by one, of the bunny by default; the picture comes with the last.
 
-    Of each file, what it shows, its path and what the filter reported. The stages are told by their names; their
-    callbacks say how far each has come.
+    Yields the label, the path and the filter's report of each file. `stage` begins a stage, given its name, and returns
+    the callback for its progress.
     """
-    mesh = mesh or shipped_bunny()
+    mesh = mesh or bunny_path()
     folder.mkdir(parents=True, exist_ok=True)
     *files, picture = paths(folder, mesh)
     panels = []
@@ -63,5 +63,5 @@ def run_demo(
 
 def paths(folder: Path, mesh: Path | None = None) -> list[Path]:
     """Every file of the demonstration, the picture last."""
-    stem = (mesh or shipped_bunny()).stem
+    stem = (mesh or bunny_path()).stem
     return [folder / f"{stem}_{field.name}.ply" for field in _FIELDS] + [folder / f"{stem}.png"]

@@ -1,4 +1,4 @@
-"""Panels of what there is to show: the fields that mesh files carry, with names and units, directions and creases."""
+"""Panels of mesh files: their fields with names and units, principal directions and creases."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -31,13 +31,15 @@ _GREY_WORDS = ("OK", "none found")  # those of most vertices
 _GREY_BELOW_LINES = 0.85
 # lines along the principal directions
 DIRECTIONS = [("direction of k_max", COLORS["ridge"]), ("direction of k_min", COLORS["ravine"])]
-SPACING = 1.0 / 36.0  # of the lines, in diagonals of the bounding box
-RADIUS = 1.0 / 700.0  # of the lines, in the same unit
-_LENGTH = 0.8  # of a line, in units of the spacing
+LINE_SPACING = 1.0 / 36.0  # of the lines, in diagonals of the bounding box
+LINE_RADIUS = 1.0 / 700.0  # of the lines, in the same unit
+_LINE_LENGTH = 0.8  # of a line, in units of the spacing
 # Noise alone makes curvatures differ by more standard errors of their mean once in a hundred times: in neighbourhoods
 # that are round, half the difference has the distribution of Rayleigh, whose scale is that standard error over root 2.
-_ERRORS = 2.0 * float(np.sqrt(np.log(100.0)))
-_ROUND = 0.02  # of the larger curvature: where they differ by less, directions mean nothing even without noise
+_MAX_ANGLE_ERRORS = 2.0 * float(np.sqrt(np.log(100.0)))
+_MIN_CURVATURE_DIFFERENCE = (
+    0.02  # of the larger curvature: where they differ by less, directions mean nothing even without noise
+)
 
 
 @dataclass(frozen=True)
@@ -94,7 +96,7 @@ def default_field(files: Sequence[MeshFile]) -> str:
 
 
 def check_field(files: Sequence[MeshFile], name: str) -> None:
-    """Refuse a field that no file has; the message lists those that there are."""
+    """Refuse a field that no file has; the message lists the existing ones."""
     if not any(name in file.columns or name in file.names() for file in files):
         have = dict.fromkeys(other for file in files for other in file.names())
         paths = ", ".join(printable_path(file.path) for file in files)
@@ -210,9 +212,12 @@ def crease_panel(
 
 
 def are_significant(columns: dict[str, FloatArray]) -> BoolArray:
-    """Where the principal curvatures differ, and not by noise, (n,), from the columns of `curvature`."""
+    """Where the principal curvatures differ significantly, (n,), from the columns of `curvature`."""
     k_min, k_max = columns["bz_k_min"], columns["bz_k_max"]
-    least = np.maximum(_ERRORS * columns["bz_mean_curvature_std"], _ROUND * np.maximum(np.abs(k_min), np.abs(k_max)))
+    least = np.maximum(
+        _MAX_ANGLE_ERRORS * columns["bz_mean_curvature_std"],
+        _MIN_CURVATURE_DIFFERENCE * np.maximum(np.abs(k_min), np.abs(k_max)),
+    )
     return np.asarray((columns[GRADE] >= FitStatus.FOLDED.grade) & (k_max - k_min > least))
 
 
@@ -226,8 +231,8 @@ def well_spread(points: FloatArray, distance: float) -> IntArray:
     return np.array(found, dtype=np.int32)
 
 
-def with_directions(panel: Panel, file: MeshFile) -> Panel:
-    """The panel of a mesh file with lines in both principal directions."""
+def add_directions(panel: Panel, file: MeshFile) -> Panel:
+    """Add lines in both principal directions to the panel of a mesh file."""
     wanted = [f"bz_direction_{kind}_{axis}" for kind in ("max", "min") for axis in "xyz"]
     wanted += ["bz_k_min", "bz_k_max", "bz_mean_curvature_std", GRADE]
     missing = [name for name in wanted if name not in file.columns]
@@ -238,11 +243,11 @@ def with_directions(panel: Panel, file: MeshFile) -> Panel:
         )
     diagonal = float(np.linalg.norm(np.ptp(file.vertices, axis=0)))
     rows = np.flatnonzero(are_significant(file.columns))
-    rows = rows[well_spread(file.vertices[rows], SPACING * diagonal)]
+    rows = rows[well_spread(file.vertices[rows], LINE_SPACING * diagonal)]
     lines: list[tuple[FloatArray, Color]] = []
     for kind, (_, color) in zip(("max", "min"), DIRECTIONS, strict=True):
         along = np.column_stack([file.columns[f"bz_direction_{kind}_{axis}"][rows] for axis in "xyz"])
-        half = 0.5 * _LENGTH * SPACING * diagonal * along
+        half = 0.5 * _LINE_LENGTH * LINE_SPACING * diagonal * along
         ends = np.stack([file.vertices[rows] - half, file.vertices[rows] + half], axis=1)
         lines += [(line, color) for line in ends]
-    return replace(panel, names=[*panel.names, *DIRECTIONS], lines=lines, line_radius=RADIUS * diagonal)
+    return replace(panel, names=[*panel.names, *DIRECTIONS], lines=lines, line_radius=LINE_RADIUS * diagonal)

@@ -1,6 +1,6 @@
 """A page that a browser shows without anything else, where a mesh can be turned: for reports and in notebooks.
 
-It is `page.html` beside this module, with the scripts and all that it shows put into it, the latter as JSON.
+It is the template `page.html` next to this module, with scripts and data inserted, the latter as JSON.
 """
 
 import json
@@ -34,13 +34,13 @@ from bezier_filters.runtime.parallel import Progress
 from bezier_filters.smoothing.smooth import SmoothingResult, smooth
 from bezier_filters.status import FitStatus
 
-MOST_FACES = 200_000  # that a browser turns without jerks on any machine
+MAX_PAGE_FACES = 200_000  # that a browser turns without jerks on any machine
 # names of fields, in the order in which they can be chosen
 SHOWN = ["mean_curvature", "gaussian_curvature", "k_min", "k_max", "curvedness", "shape_index", "geodesic_torsion"]
 SHOWN += ["mean_curvature_std", "gaussian_curvature_std", "normal_std", "residual", "displacement", "fit_grade"]
 _FIELDS = sorted((field for field in FIELDS if field.name in SHOWN), key=lambda field: SHOWN.index(field.name))
 _NOISE = Field("noise", "noise, outwards, as smoothing finds it", "length", (SMOOTH,), signed=True)
-_HEIGHT = 640  # pixels, in a notebook
+_NOTEBOOK_HEIGHT_PIXELS = 640  # pixels, in a notebook
 
 Result: TypeAlias = VertexGeometry | Creases | SmoothingResult | HoleFillingResult
 
@@ -75,7 +75,7 @@ class Page:
 
     def _repr_html_(self) -> str:
         """The page in a frame of its own, which can do nothing outside of it."""
-        size = f'width="100%" height="{_HEIGHT}" style="border: 1px solid #ddd"'
+        size = f'width="100%" height="{_NOTEBOOK_HEIGHT_PIXELS}" style="border: 1px solid #ddd"'
         return f'<iframe srcdoc="{escape(self.html)}" sandbox="allow-scripts" {size}></iframe>'
 
 
@@ -86,10 +86,15 @@ class _Shown:
     center: FloatArray
     radius: float
 
-    def packed(self, points: FloatArray, indices: IntArray, **more: object) -> Report:
+    def pack(self, points: FloatArray, indices: IntArray, **more: object) -> Report:
         """Points (k, 3) with faces (m, 3) or edges (e, 2), as the page takes them."""
         around = (points - self.center) / self.radius
-        return {"points": _packed(around, "<f4"), "indices": _packed(indices, "<u4"), "new_from": None, **more}
+        return {
+            "points": _encode_array(around, "<f4"),
+            "indices": _encode_array(indices, "<u4"),
+            "new_from": None,
+            **more,
+        }
 
 
 def report_page(
@@ -99,11 +104,11 @@ def report_page(
     findings: Sequence[str],
     *,
     stage: Callable[[str], Progress | None] = lambda _: None,
-    most_faces: int = MOST_FACES,
+    most_faces: int = MAX_PAGE_FACES,
 ) -> Page:
-    """Compute all that a page shows, with facts and findings as text.
+    """Compute the contents of a page, with facts and findings as text.
 
-    The stages are told by their names; their callbacks say how far each has come.
+    `stage` begins a stage, given its name, and returns the callback for its progress.
     """
     vertices, faces = mesh.vertices, mesh.faces
     normals = None if len(faces) else np.nan_to_num(mesh.vertex_normals)
@@ -125,7 +130,7 @@ def show(
     faces: ArrayLike | None = None,
     *results: Result,
     title: str = "",
-    most_faces: int = MOST_FACES,
+    most_faces: int = MAX_PAGE_FACES,
 ) -> Page:
     """Show a mesh in a notebook, to be turned with the mouse, with results for it: the page of a report.
 
@@ -203,14 +208,14 @@ def page_of(
     *,
     facts: Sequence[tuple[str, str]] = (),
     findings: Sequence[str] = (),
-    most_faces: int = MOST_FACES,
+    most_faces: int = MAX_PAGE_FACES,
 ) -> Page:
     """The page of a mesh (n, 3), (m, 3), or of points without faces, with facts and findings as text."""
     title = escape_unprintable(title)
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     shown = _Shown(0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low)) or 1.0)
-    points, triangles, rows = reduced(vertices, faces, most_faces)
-    meshes, comparisons, notes = {"scan": shown.packed(points, triangles)}, [], []
+    points, triangles, rows = decimate(vertices, faces, most_faces)
+    meshes, comparisons, notes = {"scan": shown.pack(points, triangles)}, [], []
     if len(points) < len(vertices):
         what, kept, of = ("faces", triangles, faces) if len(faces) else ("points", points, vertices)
         notes.append(f"Drawn with {len(kept):,} of {len(of):,} {what}; values are those of the nearest vertices.")
@@ -222,16 +227,16 @@ def page_of(
     if creases is not None:
         for kind in ("ridge", "ravine"):
             if lines := [line for line in creases.lines if line.kind == kind]:
-                meshes[f"{kind}s"] = shown.packed(*edge_mesh(lines)[:2], lines=True)
+                meshes[f"{kind}s"] = shown.pack(*edge_mesh(lines)[:2], lines=True)
     if smoothed is not None:
         values |= columns(SMOOTH, smoothed)
         if geometry is not None:
             values[_NOISE.column] = np.einsum("ij,ij->i", vertices - smoothed.vertices, geometry.normals)
-        meshes["smoothed"] = shown.packed(points + (smoothed.vertices - vertices)[rows], triangles)
+        meshes["smoothed"] = shown.pack(points + (smoothed.vertices - vertices)[rows], triangles)
         after = noise_level(smoothed.noise_after, smoothed.mean_edge)
         comparisons.append(("smoothed", "smoothing", f"{smoothed.noise}; {after} after."))
     if filled is not None and filled.filled:
-        meshes["filled"] = _filled(filled, points, triangles, filled.faces[len(faces) :], shown)
+        meshes["filled"] = _pack_fills(filled, points, triangles, filled.faces[len(faces) :], shown)
         text = f"{filled.filled:,} of {len(filled.holes):,} holes filled, orange"
         comparisons.append(("filled", "hole filling", "; ".join([text, *fill_warnings(filled, 2 * shown.radius)])))
     fields = [field for field in (*_FIELDS, _NOISE) if field.column in values]
@@ -259,19 +264,17 @@ def _html(title: str, data: Report) -> str:
     return re.sub(r"\{\{(title|script|data)\}\}", lambda place: parts[place[1]], html)
 
 
-def _filled(
+def _pack_fills(
     result: HoleFillingResult, points: FloatArray, triangles: IntArray, new_faces: IntArray, shown: _Shown
 ) -> Report:
-    """The mesh with filled holes: the points and triangles that are drawn of the old one, and then all new faces."""
+    """Pack the mesh with filled holes: the points and triangles that are drawn of the old mesh, then all new faces."""
     used, corners = np.unique(new_faces, return_inverse=True)
     new = corners.reshape(-1, 3).astype(np.int32) + np.int32(len(points))
-    return shown.packed(
-        np.vstack([points, result.vertices[used]]), np.vstack([triangles, new]), new_from=triangles.size
-    )
+    return shown.pack(np.vstack([points, result.vertices[used]]), np.vstack([triangles, new]), new_from=triangles.size)
 
 
-def reduced(vertices: FloatArray, faces: IntArray, most: int) -> tuple[FloatArray, IntArray, IntArray]:
-    """A mesh of no more faces, or points, and the nearest vertex of the old one to each of its own."""
+def decimate(vertices: FloatArray, faces: IntArray, most: int) -> tuple[FloatArray, IntArray, IntArray]:
+    """Reduce a mesh to a number of faces, or points; also returns the nearest old vertex of each new one."""
     if not len(faces):
         rows = np.arange(0, len(vertices), 1 + (len(vertices) - 1) // most, dtype=np.int32)
         return vertices[rows], faces, rows
@@ -287,20 +290,25 @@ def reduced(vertices: FloatArray, faces: IntArray, most: int) -> tuple[FloatArra
 
 
 def _field(field: Field, columns: dict[str, FloatArray], rows: IntArray, known: BoolArray) -> Report:
-    """A field as the page takes it: codes have names, others limits, of what is known, and perhaps standard errors."""
+    """A field for the page: codes have names, other fields colour limits and, if available, standard errors."""
     values, errors = columns[field.column], columns.get(f"{field.column}_std")
-    told = {"label": field.label, "unit": field.unit, "signed": field.signed, "values": _packed(values[rows], "<f4")}
+    record = {
+        "label": field.label,
+        "unit": field.unit,
+        "signed": field.signed,
+        "values": _encode_array(values[rows], "<f4"),
+    }
     if field.column == GRADE:
         names = {s.grade: {"text": s.name, "count": int((values == s.grade).sum())} for s in FitStatus}
-        return told | {"names": names}
+        return record | {"names": names}
     inside = values[known] if known.any() else values
-    return told | {
-        "errors": None if errors is None else _packed(errors[rows], "<f4"),
+    return record | {
+        "errors": None if errors is None else _encode_array(errors[rows], "<f4"),
         "limits": round_limits(*color_range(inside, signed=field.signed)),
         "range": round_limits(*color_range(inside, signed=field.signed, percentile=0.0)),
         "median": float(np.median(np.abs(inside))),
     }
 
 
-def _packed(array: FloatArray | IntArray, kind: str) -> str:
+def _encode_array(array: FloatArray | IntArray, kind: str) -> str:
     return b64encode(np.ascontiguousarray(array, dtype=kind).tobytes()).decode("ascii")

@@ -85,7 +85,7 @@ def render_panels(
         ``"-z"``, or ``"auto"``: for each panel y, but z if its mesh is tall in z, and -z if it lies flat
         in x and z, so that it is seen from above.
     dpi : float
-        Pixels per inch that the file tells, from which its size on paper follows.
+        Pixels per inch, stored in the file, for its size on paper.
 
     Raises
     ------
@@ -106,7 +106,7 @@ def render_panels(
     scene.require_libraries()
     from matplotlib.image import imsave
 
-    background = _checked(panels, views, columns, size, background, up)
+    background = _check_panels(panels, views, columns, size, background, up)
     style = _Style(max(10.0, _FONT * max(size)), background)
     ups = [scene.up_axis(panel) if up == "auto" else up for panel in panels]
     seen = [
@@ -121,7 +121,7 @@ def render_panels(
         imsave(temporary, _sheet(panels, images, views, columns, title or "", style), dpi=dpi)
 
 
-def _checked(
+def _check_panels(
     panels: Sequence[Panel], views: Sequence[str], columns: int | None, size: tuple[int, int], background: str, up: str
 ) -> str:
     """Check the parameters of `render_panels`; the background as a colour that every library knows."""
@@ -166,7 +166,7 @@ def _check_choice(parameter: str, got: str, allowed: Sequence[str], examples: Se
 
 def _common_scale(views: Sequence[scene.View], size: tuple[int, int]) -> float:
     """Pixels per unit of length with which every view fits into the size."""
-    room = np.array(size) - 2.0 * scene.MARGIN
+    room = np.array(size) - 2.0 * scene.MARGIN_PIXELS
     extent = np.max([view.extent[:2] for view in views], axis=0)
     return float(np.min(room[extent > 0] / extent[extent > 0], initial=np.inf)) if extent.any() else 1.0
 
@@ -275,7 +275,7 @@ def _color_bar(panel: Panel, width: float, style: _Style) -> Image:
     if panel.names:
         return _grid([[_color_bar(replace(panel, names=()), width, style)], [_key(panel, style)]], style)
     low, high = panel.color_limits()
-    below, above = clipped(panel)
+    below, above = find_clipping(panel)
     colormap = matplotlib_colormap(panel.colormap, signed=panel.signed)
     font, wide = style.font, max(width, _BAR_WIDTH * style.font)
     tall = _BAR_HEIGHT * font
@@ -324,8 +324,8 @@ def _key(panel: Panel, style: _Style) -> Image:
     return _pixels(figure, style)
 
 
-def clipped(panel: Panel) -> tuple[bool, bool]:
-    """Whether values that are seen lie below and above the range of the colours."""
+def find_clipping(panel: Panel) -> tuple[bool, bool]:
+    """Whether visible values lie below and above the range of the colours."""
     if panel.values is None:
         return False, False
     low, high = panel.color_limits()

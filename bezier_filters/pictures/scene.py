@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 Image: TypeAlias = NDArray[np.uint8]  # pixels (height, width, 3)
 Color: TypeAlias = tuple[float, float, float]  # red, green and blue in 0..1
 
-MARGIN = 4  # pixels around the mesh
+MARGIN_PIXELS = 4  # pixels around the mesh
 
 _SUPERSAMPLING = 2  # rendered larger and averaged: smooth edges on every graphics driver
 _NAN_COLOR = "lightgray"
@@ -191,7 +191,7 @@ def up_axis(panel: Panel) -> str:
     """Axis that points up, guessed from the shape so that the front view is never the narrowest.
 
     It is y, as in MeshLab's first view, which also looks down on height fields z(x, y). Meshes
-    that are tall in z stand upright (z), and those that lie flat in x and z are seen from above (-z).
+    that are tall in z stand upright (z), and meshes that lie flat in x and z are seen from above (-z).
     """
     x, y, z = np.ptp(panel.vertices[panel.drawn()], axis=0)
     if z > 1.5 * max(x, y):
@@ -225,7 +225,7 @@ def view_of(panel: Panel, axes: FloatArray) -> View:
 def draw(panel: Panel, views: Sequence[View], *, scale: float, background: str) -> list[Image]:
     """Draw a panel from several sides with parallel projection, without title and colour bar.
 
-    The scale is in pixels per unit of length; every image is as large as the mesh and a margin of `MARGIN` pixels.
+    The scale is in pixels per unit of length; images are as large as the mesh, plus a margin of `MARGIN_PIXELS`.
     """
     import pyvista
 
@@ -281,7 +281,7 @@ def add_panel(plotter: "pyvista.Plotter", panel: Panel, center: FloatArray, scal
         if panel.linear_below and panel.values is not None:
             options["clim"], colored = (0.0, 1.0), np.ma.filled(panel.norm()(panel.values), np.nan)
     if len(panel.faces) == 0:
-        size = _SUPERSAMPLING * float(np.clip(400 / np.sqrt(len(points)), 2, 2 * MARGIN))
+        size = _SUPERSAMPLING * float(np.clip(400 / np.sqrt(len(points)), 2, 2 * MARGIN_PIXELS))
         plotter.add_points(points, scalars=colored, point_size=size, lighting=False, **options)
         return
     faces: NDArray[Any] = panel.faces
@@ -291,7 +291,7 @@ def add_panel(plotter: "pyvista.Plotter", panel: Panel, center: FloatArray, scal
         cell_normals=False,
         split_vertices=True,
         feature_angle=_SHARP,
-        consistent_normals=False,  # both sides of a face are lit alike
+        consistent_normals=False,  # both sides of a face are lit equally
         auto_orient_normals=False,
     )
     light: dict[str, Any] = {"ambient": _AMBIENT, "diffuse": 1.0 - _AMBIENT, "specular": 0.0}
@@ -312,7 +312,7 @@ def _polylines(lines: Sequence[FloatArray]) -> "pyvista.PolyData":
 
 
 def _photograph(plotter: Any, view: View, center: FloatArray, scale: float) -> Image:
-    width, height = (int(np.ceil(side * scale)) + 2 * MARGIN for side in view.extent[:2])
+    width, height = (int(np.ceil(side * scale)) + 2 * MARGIN_PIXELS for side in view.extent[:2])
     depth = view.extent[2] * scale + 1.0
     target = (0.5 * (view.low + view.high) - view.axes @ center) * scale @ view.axes
     camera = plotter.camera
@@ -337,7 +337,7 @@ def check_display() -> None:
     if not display:
         raise RenderingUnavailableError(f"there is no display to open a window on; {_REMEDY}")
     library = ctypes.util.find_library("X11")
-    if library is None:  # VTK will tell
+    if library is None:  # VTK reports it
         return
     x11 = ctypes.CDLL(library)
     x11.XOpenDisplay.restype = ctypes.c_void_p

@@ -44,9 +44,8 @@ def inner_jit(**options: object) -> Callable[[Function], Function]:
     time of the first compilation. A function is compiled again for every literal integer argument, see `opaque`. A call
     with several arrays takes some 30 ns to pass their fields; with ``inline="always"`` there is no call.
 
-    Functions with `fastmath` must be inlined. Otherwise the process that compiles a caller links the separately
-    compiled copy of the function, and later processes link the copy in the cache of the caller, whose sums may have
-    another order.
+    Functions with `fastmath` must be inlined, and call only functions that are inlined. Otherwise the sums of the
+    caller may be ordered differently by the process that compiled the callee before, and by one that loads it.
     """
     return _compiler(_nrt=False, no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)
 

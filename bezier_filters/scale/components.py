@@ -1,4 +1,4 @@
-"""Closed components of a mesh on disk: tiles tell which of their vertices hang together, and are then united."""
+"""Closed components of a mesh on disk: components of tiles, merged by a union over their common vertices."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from scipy.sparse.csgraph import connected_components
 
 from bezier_filters.arrays import IntArray
 from bezier_filters.meshes.adjacency import Adjacency
-from bezier_filters.scale.array_file import ArrayFile, Values, saved_array
+from bezier_filters.scale.array_file import ArrayFile, Values, save_array
 from bezier_filters.scale.halo import TilePart
 from bezier_filters.scale.store import Store
 from bezier_filters.scale.tiles import Tile
@@ -20,26 +20,26 @@ LABEL = np.dtype([("vertex", "<i4"), ("label", "<i4"), ("open", "?")])
 
 @dataclass(frozen=True)
 class StoredComponents:
-    """Closed components of a mesh on disk: number of that of each vertex, -1 for none, and a point of each, (c, 3)."""
+    """Closed components of a mesh on disk: the number of each vertex's, -1 for none, and a point of each, (c, 3)."""
 
     of_vertex: ArrayFile
     origins: ArrayFile
 
     @property
     def count(self) -> int:
-        """How many there are."""
+        """Number of components."""
         return self.origins.rows
 
-    def at(self, ids: IntArray) -> tuple[ClosedComponents, IntArray]:
-        """Those of some vertices, and their numbers here."""
-        numbers = self.of_vertex.mapped()[ids]
+    def select(self, ids: IntArray) -> tuple[ClosedComponents, IntArray]:
+        """Components of some vertices, and their numbers in the whole mesh."""
+        numbers = self.of_vertex.memory_map()[ids]
         there = np.unique(numbers[numbers >= 0])
         local = np.where(numbers >= 0, np.searchsorted(there, numbers), -1).astype(np.int32)
-        return ClosedComponents(local, np.array(self.origins.mapped()[there])), there
+        return ClosedComponents(local, np.array(self.origins.memory_map()[there])), there
 
 
-def labelled_vertices(part: TilePart, adjacency: Adjacency) -> Values:
-    """The vertices of a tile, and then those next to them, with the component that they belong to in this part."""
+def label_vertices(part: TilePart, adjacency: Adjacency) -> Values:
+    """Labels of the vertices of a tile and then of their neighbours: their components within this part."""
     rows = adjacency.vertices
     graph = csr_array((np.ones(len(rows.indices), np.int8), rows.indices, rows.indptr), shape=(len(rows), len(rows)))
     found = np.empty(len(rows), dtype=LABEL)
@@ -50,11 +50,11 @@ def labelled_vertices(part: TilePart, adjacency: Adjacency) -> Values:
     return np.concatenate([found[part.own], found[around]])
 
 
-def unite_components(store: Store, tiles: Sequence[Tile]) -> StoredComponents | None:
-    """The closed components of a mesh, from the `labelled_vertices` of all tiles in order; None if there are none."""
+def merge_components(store: Store, tiles: Sequence[Tile]) -> StoredComponents | None:
+    """Closed components of a mesh, from `label_vertices` of all tiles in order; None if there are none."""
     n = store.layout.vertex_count
-    result = ArrayFile(store.folder / "components.bin", np.dtype(np.int32), n).allocated()
-    nodes, ranges = result.mapped("r+"), [store.layout.tile(tile) for tile in range(len(tiles))]
+    result = ArrayFile(store.folder / "components.bin", np.dtype(np.int32), n).allocate()
+    nodes, ranges = result.memory_map("r+"), [store.layout.tile(tile) for tile in range(len(tiles))]
     open_nodes, links, count = [], [], 0
     for (start, stop), tile in zip(ranges, tiles, strict=True):
         rows = np.array(tile.rows())
@@ -78,5 +78,5 @@ def unite_components(store: Store, tiles: Sequence[Tile]) -> StoredComponents | 
         nodes[start:stop] = numbers
         closed = np.flatnonzero(numbers >= 0)[::-1]
         firsts[numbers[closed]] = start + closed
-    origins = store.vertices.mapped()[firsts].astype(np.float64)
-    return StoredComponents(result, saved_array(store.folder / "origins.bin", origins))
+    origins = store.vertices.memory_map()[firsts].astype(np.float64)
+    return StoredComponents(result, save_array(store.folder / "origins.bin", origins))

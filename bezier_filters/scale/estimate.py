@@ -27,7 +27,7 @@ from bezier_filters.status import FitStatus
 from bezier_filters.surface_model.model_tree import leaves
 
 ALL = "all"  # every estimate
-QUALITIES = {CURVATURE: "mean", TORSION: "torsion", ALL: "mean"}  # what is the quality, if nothing is said
+QUALITIES = {CURVATURE: "mean", TORSION: "torsion", ALL: "mean"}  # default qualities
 
 
 @single_threaded_blas()
@@ -50,9 +50,9 @@ def estimate_file(
 ) -> Report:
     """Normals, curvature or torsion of a mesh of any size: the values of `estimate_vertex_geometry`, in tiles.
 
-    The mesh is sorted in space in a folder, the store, and cut into tiles. How to fit is learned from the same
+    The mesh is sorted spatially in a folder, the store, and cut into tiles. The fit is learned from the same
     sampled neighbourhoods as in memory. Then every tile is a task for Dask: a worker reads it with the rings
-    around it that its values depend on, and writes its results. In the end they are joined to one PLY file.
+    around it that its values depend on, and writes its results. Finally they are joined in one PLY file.
 
     The vertices and faces of a tile keep their order in the whole mesh, so that the values are the same as in
     memory to the last bit, whatever the tiles and the scheduler; but fits do not end at sharp edges that noise hides.
@@ -64,7 +64,7 @@ def estimate_file(
     target : path
         PLY file to write: coordinates, quality and columns ``bz_*`` as double, and faces.
     quantity : {"curvature", "normals", "torsion", "all"}
-        What to estimate; it says which columns and which quality there are by default.
+        Quantity to estimate; it determines the columns and the quality by default.
     quality : str, optional
         Any that a filter has (mean, gaussian, torsion, x, ...; see `bezier_filters.fields`). By default mean, or
         torsion if that is the quantity; normals have none.
@@ -86,9 +86,9 @@ def estimate_file(
         Folder for the store, with room for 70 bytes per vertex and the size of the result. By default the target
         with ``.tiles`` after its name.
     resume : bool
-        Whether to go on with a store that is there, and compute only what it does not have.
+        Whether to continue with an existing store, and compute only missing tiles.
     keep_store : bool
-        Whether to leave the store there at the end; it stays if anything goes wrong.
+        Whether to keep the store at the end; it stays if the run fails.
     progress : callable, optional
         ``progress(stage, done, total)``; if it returns False the run is cancelled, and can be resumed.
 
@@ -144,7 +144,7 @@ def estimate_file(
         "quantity": quantity,
         "quality": chosen_quality or None,
         "attributes": chosen,
-        "fit": asdict(_with_counts(fit, done)),
+        "fit": asdict(_count_parts(fit, done)),
         "status": {code.name: count for code, count in status.items()},
         "warnings": []
         if any(code.has_curvature for code in status)
@@ -154,18 +154,20 @@ def estimate_file(
     }
 
 
-def estimated(quantity: str = ALL) -> dict[str, Field]:
-    """Fields that are estimated, by their columns."""
+def estimate_fields(quantity: str = ALL) -> dict[str, Field]:
+    """Fields of the estimates, by their columns."""
     filters = ESTIMATES if quantity == ALL else (quantity,)
     return {field.column: field for field in fields_of(*filters) if field.attribute is not None}
 
 
 def chosen_columns(quantity: str, quality: str | None, columns: Sequence[str] | None) -> tuple[str, list[str]]:
-    """The column that becomes the quality, "" for none, and those that are written: any of those that there are."""
-    every = estimated()
+    """Column of the quality, "" for none, and columns to write, which must exist."""
+    every = estimate_fields()
     if quantity not in (*ESTIMATES, ALL):
         raise InvalidParameterError(f"quantity: got {quantity!r}, expected one of {', '.join((*ESTIMATES, ALL))}")
-    wanted = list(estimated(quantity)) if columns is None else [PREFIX + name.removeprefix(PREFIX) for name in columns]
+    wanted = (
+        list(estimate_fields(quantity)) if columns is None else [PREFIX + name.removeprefix(PREFIX) for name in columns]
+    )
     if not set(wanted) <= every.keys() or len(set(wanted)) < len(wanted):
         raise InvalidParameterError(f"columns: got {wanted}, expected some of {list(every)}, each once")
     qualities = {field.quality: column for column, field in every.items() if field.quality}
@@ -178,12 +180,9 @@ def chosen_columns(quantity: str, quality: str | None, columns: Sequence[str] | 
 def estimate_tile(
     store: Store, fit: SurfaceFit, creases: bool, quality: str, columns: Sequence[str], tile: int
 ) -> tuple[Values, TileReport]:
-    """The estimate of the vertices of a tile, as rows of the file that is written: the column that is the quality, too.
-
-    There is no quality if that is empty.
-    """
+    """Estimates for the vertices of a tile, as rows of the result file, with the quality unless it is empty."""
     geometry, part = fit_tile(store, fit, creases, tile)
-    every = estimated()
+    every = estimate_fields()
     values = values_of([every[name] for name in {*columns, quality} - {""}], geometry)
     written = ({QUALITY: values[quality]} if quality else {}) | {name: values[name] for name in columns}
     rows = table_of(part.mesh.vertices[part.own], written, store.layout.dtype)
@@ -196,7 +195,7 @@ def estimate_tile(
 
 
 def _no_curvature(status: FitStatus) -> str:
-    """Why no vertex has a curvature, as far as tiles tell."""
+    """Why no vertex has a curvature, by the most frequent status."""
     return (
         f"no vertex has a curvature: {status.message}; where faces share no vertices or lie on each other, weld them "
         "(meshing_merge_close_vertices) and remove duplicates (meshing_remove_duplicate_faces) first"
@@ -204,7 +203,7 @@ def _no_curvature(status: FitStatus) -> str:
 
 
 def fit_tile(store: Store, fit: SurfaceFit, creases: bool, tile: int) -> tuple[VertexGeometry, TilePart]:
-    """Estimate the vertices of a tile as in the whole mesh; also the part of that which had to be read."""
+    """Estimate the vertices of a tile as in the whole mesh; also returns the part of the mesh that was read."""
     part = tile_part(store, tile, rings_needed(fit))
     arrays, _ = mesh_to_fit(part.mesh, creases, fit.cleaned, fit.steady)
     own = np.arange(part.own.start, part.own.stop, dtype=np.int32)
@@ -217,8 +216,8 @@ def fit_tile(store: Store, fit: SurfaceFit, creases: bool, tile: int) -> tuple[V
     return replace(geometry, fit=choice), part
 
 
-def _with_counts(fit: SurfaceFit, done: Round) -> FitChoice:
-    """The choice with the number of vertices of each part."""
+def _count_parts(fit: SurfaceFit, done: Round) -> FitChoice:
+    """The choice with the number of vertices of each region."""
     if fit.regions is None:
         return fit.choice
     found = zip(done.sums("parts"), leaves(fit.regions), strict=True)

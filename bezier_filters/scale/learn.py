@@ -1,4 +1,4 @@
-"""Learns how to fit a mesh on disk from the same samples as in memory."""
+"""Learns the fit of a mesh on disk from the same samples as in memory."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -24,11 +24,11 @@ from bezier_filters.fitting.outlier_removal import OUTLIER_REACH, move_outliers
 from bezier_filters.fitting.vertex_geometry import empty_geometry
 from bezier_filters.kernels.kernel_input import KernelMesh, prepare_kernel_mesh, use_smoothed_normals
 from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
-from bezier_filters.meshes.frames import STEADY_ROUNDS, tangent_planes
+from bezier_filters.meshes.frames import NORMAL_SMOOTHING_ROUNDS, tangent_planes
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.patches.patch_fit import PatchFit
 from bezier_filters.patches.smoothness import Smoothness
-from bezier_filters.scale.halo import Part, in_source_order, part_around, part_around_samples, tile_part
+from bezier_filters.scale.halo import Part, part_around, part_around_samples, restore_source_order, tile_part
 from bezier_filters.scale.store import Store
 from bezier_filters.smoothing.mesh_parts import (
     PART_VERTICES,
@@ -51,20 +51,20 @@ from bezier_filters.surface_model.noise_model import NoiseModel
 from bezier_filters.surface_model.ring_analysis import RingAnalysis
 from bezier_filters.surface_model.sample_check import explain_unusable_sample
 
-NORMAL_RINGS = 2  # around a vertex, within which faces decide about its normal, should its own have no area
-CREASE_RINGS = 2  # around a vertex, within which faces decide about its plane and its creases
-# rings, to look that way; learning alone looks at samples the tolerant way
-MORE_FOR: dict[SampleMode, int] = {"plain": 0, "steady": STEADY_ROUNDS, "tolerant": 1}
+NORMAL_RINGS = 2  # rings that determine the normal of a vertex, also where its faces have zero area
+CREASE_RINGS = 2  # rings that determine the tangent plane and the sharp edges of a vertex
+# additional rings that a sample mode depends on; the tolerant mode is used for learning alone
+EXTRA_RINGS: dict[SampleMode, int] = {"plain": 0, "steady": NORMAL_SMOOTHING_ROUNDS, "tolerant": 1}
 
-MOST_RINGS = 100  # that tiles may be asked to have around them
-# that are read around a vertex, and around those where there was nothing more to grow to; more if that is too few
-FIRST_RINGS, NEXT_RINGS = 64, 4
-NEXT = 2048  # vertices whose surroundings are read together then
+MAX_TILE_RINGS = 100  # largest neighbourhood of meshes in tiles, in rings
+# rings read around the first seed of a sampled part, and around the seeds of further components; doubled as needed
+INITIAL_RINGS, SEED_RINGS = 64, 4
+SEEDS_PER_STEP = 2048  # seeds of further components that are read together
 
 
 @dataclass(frozen=True)
 class FitOptions:
-    """Options of `estimate_vertex_geometry` that hold for meshes on disk, too."""
+    """Options of `estimate_vertex_geometry` that apply to meshes on disk, too."""
 
     rings: int | Literal["auto"] = "auto"
     alpha: float | Literal["auto"] = "auto"
@@ -74,24 +74,24 @@ class FitOptions:
     noise: float | None = None
     detail: float | None = None
 
-    def checked(self) -> tuple[int | Literal["auto"], PatchFit | None, tuple[int, ...]]:
-        """What they leave open, see `fit_options`; refused if one is out of range."""
+    def check(self) -> tuple[int | Literal["auto"], PatchFit | None, tuple[int, ...]]:
+        """Check the options and return the rings, the patch fit and the degrees to choose from, see `fit_options`."""
         rings, fixed, degrees = fit_options(self.rings, self.alpha, self.degree, self.smoothness)
         check_fit_noise(self.noise, fixed, rings)
         check_detail(self.detail, rings)
-        if rings != "auto" and rings > MOST_RINGS:
-            raise InvalidParameterError(f"rings: got {rings}, expected {MOST_RINGS} at most for a mesh in tiles")
+        if rings != "auto" and rings > MAX_TILE_RINGS:
+            raise InvalidParameterError(f"rings: got {rings}, expected {MAX_TILE_RINGS} at most for a mesh in tiles")
         return rings, fixed, degrees
 
     @property
     def creases(self) -> bool:
         """Whether neighbourhoods end at creases."""
-        return self.checked()[1] is None
+        return self.check()[1] is None
 
 
 def learn_fit(store: Store, options: FitOptions) -> SurfaceFit:
-    """Choose how to fit a mesh: what `estimate_vertex_geometry` chooses for it in memory."""
-    rings, fixed, degrees = options.checked()
+    """Choose the fit of a mesh as `estimate_vertex_geometry` does in memory."""
+    rings, fixed, degrees = options.check()
     learn = partial(_learn_surface, store, options)
     fit, learned = choose_fit(learn, rings, fixed, degrees, options.robust, options.noise, options.detail)
     if learned is None:
@@ -117,7 +117,7 @@ def learn_fit(store: Store, options: FitOptions) -> SurfaceFit:
 
 
 def _explain_unusable_store(store: Store, options: FitOptions) -> str:
-    """Why nothing is learned of a mesh, as in memory."""
+    """Why nothing could be learned of a mesh, as in memory."""
     return explain_unusable_sample(
         _sample_at(store, options, _draw(store, SAMPLES_PER_RING[NORMAL_CHECK_RINGS]), NORMAL_CHECK_RINGS, "plain")
     )
@@ -131,7 +131,7 @@ def learn_store_noise(store: Store, sigma: float | None = None, robust: bool | N
 def _learn_surface(
     store: Store, options: FitOptions, choices: FitConstraints, without: bool
 ) -> tuple[list[RingAnalysis], Leaf | None]:
-    """What is learned of a mesh in memory, as it is or without its outliers."""
+    """Learn the surface model of a mesh as in memory, on request without its outliers."""
 
     def sample(rings: int, count: int, mode: SampleMode) -> NeighbourhoodSample:
         return _sample_at(store, options, _draw(store, count), rings, mode, without)
@@ -140,15 +140,15 @@ def _learn_surface(
 
 
 def rings_needed(fit: SurfaceFit) -> int:
-    """How many rings around a vertex its values depend on."""
+    """Number of rings around a vertex that its values depend on."""
     parts = [] if fit.regions is None else leaves(fit.regions)
     attempts = [*fit.attempts, *(attempt for part in parts for attempt in part.attempts)]
     return _reach(_widest(attempts), "steady" if fit.steady else "plain", fit.cleaned)
 
 
 def _reach(rings: int, mode: SampleMode, without: bool) -> int:
-    """How many rings around a vertex decide about what is seen of some, maybe without outliers."""
-    return rings + CREASE_RINGS + (OUTLIER_REACH if without else 0) + MORE_FOR[mode]
+    """Number of rings that a sample of `rings` rings depends on, on request without outliers."""
+    return rings + CREASE_RINGS + (OUTLIER_REACH if without else 0) + EXTRA_RINGS[mode]
 
 
 def _widest(attempts: Sequence[FitAttempt]) -> int:
@@ -156,27 +156,27 @@ def _widest(attempts: Sequence[FitAttempt]) -> int:
 
 
 def _draw(store: Store, count: int) -> IntArray:
-    """The vertices that would be drawn in memory."""
+    """The sample of vertices that is drawn in memory."""
 
     def have_normals(ids: IntArray) -> BoolArray:
         part = part_around_samples(store, np.unique(ids), NORMAL_RINGS)
         return _have_normals(part)[part.local(ids)]
 
     every = Population(store.layout.vertex_count, partial(_ranks, store))
-    return draw_vertices(every, have_normals, partial(_with_normals, store), count)
+    return draw_vertices(every, have_normals, partial(_normal_population, store), count)
 
 
 def _sample_at(
     store: Store, options: FitOptions, centers: IntArray, rings: int, mode: SampleMode, without: bool = False
 ) -> NeighbourhoodSample:
-    """The neighbourhoods of some vertices."""
+    """Sample the neighbourhoods of some vertices."""
     part = part_around_samples(store, centers, _reach(rings, mode, without))
     arrays, adjacency = mesh_to_fit(part.mesh, options.creases, without)
     return sample_by_mode(arrays, adjacency, part.local(centers), rings, mode)._replace(centers=centers)
 
 
 def mesh_to_fit(mesh: TriangleMesh, creases: bool, without: bool, steady: bool = False) -> tuple[KernelMesh, Adjacency]:
-    """What the kernels fit of a part of a mesh, maybe without its outliers, with averages of normals: see `_reach`."""
+    """Kernel input for a part of a mesh, on request without outliers and with smoothed normals; see `_reach`."""
     arrays, adjacency = prepare_kernel_mesh(mesh, creases=creases)
     if without:
         arrays = move_outliers(arrays, adjacency)
@@ -188,8 +188,8 @@ def _have_normals(part: Part) -> BoolArray:
     return np.asarray(tangent_planes(part.mesh, vertex_adjacency(part.mesh)).normals.any(axis=1))
 
 
-def _with_normals(store: Store) -> Population:
-    """All vertices that have a normal, in the order of the source: found out tile by tile, 9 bytes per vertex."""
+def _normal_population(store: Store) -> Population:
+    """All vertices with a normal, in the order of the source, found tile by tile, with 9 bytes per vertex."""
     marks = np.zeros(store.layout.vertex_count, dtype=np.bool_)
     for tile in range(store.layout.tile_count):
         part = tile_part(store, tile, NORMAL_RINGS)
@@ -199,27 +199,27 @@ def _with_normals(store: Store) -> Population:
 
 
 def sample_store_parts(store: Store, around: Sequence[int] = ()) -> MeshPart:
-    """The same parts as `smoothing.mesh_parts` finds in memory; vertices are those of the source."""
+    """The same parts as `smoothing.mesh_parts` samples in memory, with the vertex numbers of the source."""
     n = store.layout.vertex_count
     samples = sample_vertices(n, around, partial(_grow_from_seed, store))
-    ids, mesh = in_source_order(store, part_around(store, np.sort(_ranks(store, samples[0])), 1))
+    ids, mesh = restore_source_order(store, part_around(store, np.sort(_ranks(store, samples[0])), 1))
     numbers, adjacency = store.sources(ids), vertex_adjacency(mesh)
     return mesh_part(mesh, adjacency, numbers, samples, n)
 
 
 def _grow_from_seed(store: Store, seed: int) -> IntArray:
-    """Vertices of the source around one, nearest first, and then around the next one that is not among them."""
+    """Vertices of the source around a seed, nearest first; further components start at the next unseen vertex."""
     n, found = store.layout.vertex_count, np.zeros(0, dtype=np.int32)
-    seeds, rings = np.array([seed], dtype=np.int32), FIRST_RINGS
+    seeds, rings = np.array([seed], dtype=np.int32), INITIAL_RINGS
     while True:
-        ids, mesh = in_source_order(store, part_around(store, np.sort(_ranks(store, seeds)), rings))
+        ids, mesh = restore_source_order(store, part_around(store, np.sort(_ranks(store, seeds)), rings))
         numbers, rows = store.sources(ids), vertex_adjacency(mesh).vertices
         seen = np.isin(numbers, found)
         for seed, place in zip(seeds.tolist(), np.searchsorted(numbers, seeds).tolist(), strict=True):
             if seen[place]:
                 continue
             order, looked_at = grow_component(rows, place, seen, PART_VERTICES - len(found))
-            if looked_at >= rings:  # it goes on further than was read
+            if looked_at >= rings:  # the component extends beyond the rings that were read
                 seeds, rings = np.array([seed], dtype=np.int32), 2 * rings
                 break
             found = np.append(found, numbers[order])
@@ -231,9 +231,9 @@ def _grow_from_seed(store: Store, seed: int) -> IntArray:
             following = next_unseen(met, seed)
             if following < 0:
                 return found
-            seeds, rings = np.arange(following, min(following + NEXT, n), dtype=np.int32), NEXT_RINGS
+            seeds, rings = np.arange(following, min(following + SEEDS_PER_STEP, n), dtype=np.int32), SEED_RINGS
 
 
 def _ranks(store: Store, numbers: IntArray) -> IntArray:
-    """Where some vertices of the source are in the store."""
-    return np.array(store.rank.mapped()[numbers], dtype=np.int32)
+    """Positions in the store of vertices of the source."""
+    return np.array(store.rank.memory_map()[numbers], dtype=np.int32)

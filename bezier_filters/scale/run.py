@@ -1,4 +1,4 @@
-"""A run in tiles, from a file to a file: what it begins with, rounds of tasks on all tiles, and what it ends with."""
+"""A run in tiles from file to file: the store, the workers, rounds of tasks on all tiles, and the result file."""
 
 import hashlib
 import json
@@ -22,7 +22,7 @@ from bezier_filters.arrays import FloatArray, Report
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.runtime.parallel import Progress, thread_count, use_threads
 from bezier_filters.scale.array_file import Values
-from bezier_filters.scale.scheduling import Scheduler, Workers, run_tasks, running
+from bezier_filters.scale.scheduling import Scheduler, Workers, run_tasks, start_workers
 from bezier_filters.scale.source import MeshSource
 from bezier_filters.scale.store import MANIFEST, Store, build_store, open_store
 from bezier_filters.scale.tiles import (
@@ -35,22 +35,22 @@ from bezier_filters.scale.tiles import (
     write_tile,
 )
 
-TILE_VERTICES = 1 << 19  # of a tile, if there is memory for it: larger ones have hardly less around them
-SMALLEST_TILE = 1 << 8
-# what a tile takes at most with what surrounds it, and a worker before it has one
+MAX_TILE_VERTICES = 1 << 19  # vertices of a tile if memory allows; larger tiles hardly reduce the share of halos
+MIN_TILE_VERTICES = 1 << 8
+# most memory of a tile with its halo, and of a worker before its first tile
 BYTES_PER_VERTEX, BYTES_PER_WORKER = 1200, 500_000_000
-MARK = "bezier_filters_store"
+MARKER_FILE = "bezier_filters_store"
 
-# rows of a tile by its number, and what there is to say of it
+# computes the rows and the report of a tile, given its number
 TileTask: TypeAlias = Callable[[int], tuple[Values, TileReport]]
 
-# ``progress(stage, done, total)``; returning False cancels
+# ``progress(stage, done, total)``; it cancels by returning False
 StageProgress: TypeAlias = Callable[[str, int, int], bool | None]
 
 
 @dataclass(frozen=True)
 class RunOptions:
-    """How a run goes, see `estimate_file`; and how many vertices tiles have if there is memory for them."""
+    """Options of a run, see `estimate_file`; and the number of vertices of a tile if memory allows."""
 
     scheduler: Scheduler = None
     workers: int | None = None
@@ -60,7 +60,7 @@ class RunOptions:
     resume: bool = False
     keep_store: bool = False
     progress: StageProgress | None = None
-    largest_tile: int = TILE_VERTICES
+    largest_tile: int = MAX_TILE_VERTICES
 
 
 @dataclass
@@ -72,16 +72,16 @@ class Stages:
 
     @contextmanager
     def stage(self, name: str, remark: str = "") -> Iterator[Progress | None]:
-        """Time the block; yields the callback that its progress goes to, or None. A remark is shown with the name."""
+        """Time the block; yields a callback for its progress, or None. The remark is shown with the name."""
         start, progress = time.perf_counter(), self.progress
         shown = f"{name} {remark}".strip()
         yield None if progress is None else lambda done, total: progress(shown, done, total)
         self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
 
 
-@use_threads(1)  # the cores are shared by tasks; a scheduler may run them in the process that has more threads
+@use_threads(1)  # tasks share the cores; a scheduler may run them in this process
 def run_tile(folder: Path, compute: TileTask, tile: int) -> int:
-    """What workers do: compute the results of a tile and write them to a folder; its number."""
+    """Compute the results of a tile in a worker and write them to a folder; returns the number of the tile."""
     start = time.perf_counter()
     rows, report = compute(tile)
     seconds = time.perf_counter() - start
@@ -91,20 +91,20 @@ def run_tile(folder: Path, compute: TileTask, tile: int) -> int:
 
 @dataclass(frozen=True)
 class Round:
-    """All tiles after a round of tasks, in order; how many were computed now, and which were there, but damaged."""
+    """All tiles after a round of tasks, in order, the number computed in this run, and the damaged ones."""
 
     tiles: tuple[Tile, ...]
     computed: int
     damaged: tuple[int, ...]
 
     def sums(self, name: str) -> FloatArray:
-        """Numbers of all tiles, added up."""
+        """Sums of a number over all tiles."""
         return np.asarray(np.sum([tile.report.sums[name] for tile in self.tiles], axis=0, dtype=np.float64))
 
 
 @dataclass(frozen=True)
 class Run:
-    """A run that is under way: what it reads and writes, where tasks run, and the rounds that are done."""
+    """A run in progress: source, target, store, workers and completed rounds."""
 
     source: MeshSource
     target: str | os.PathLike[str]
@@ -115,7 +115,7 @@ class Run:
     rounds: list[Round] = field(default_factory=list)
 
     def results(self, parameters: Report) -> Path:
-        """Folder for results with some parameters: others do not get mixed up with them."""
+        """Folder for results with these parameters, separate from all others."""
         text = json.dumps({"version": __version__} | parameters, sort_keys=True)
         folder = self.store.folder / f"results-{hashlib.sha256(text.encode()).hexdigest()[:16]}"
         folder.mkdir(exist_ok=True)
@@ -123,7 +123,7 @@ class Run:
         return folder
 
     def tiles(self, stage: str, folder: Path, compute: TileTask, remark: str = "") -> Round:
-        """Compute the tiles that are not there yet, and look at all; `LostTaskError` if one ends several workers."""
+        """Compute missing tiles and verify all of them; `LostTaskError` if one ends several workers."""
         count = self.store.layout.tile_count
         todo, damaged = [], []
         folder.mkdir(exist_ok=True)
@@ -147,13 +147,13 @@ class Run:
         return self.rounds[-1]
 
     def write(self, tiles: Sequence[Tile]) -> None:
-        """Join the results of all tiles in the target; the workers may end."""
+        """Join the results of all tiles in the target, and release the workers."""
         self.cluster.release()
         with self.stages.stage("write") as progress:
             write_joined(self.target, self.source, self.store, tiles, progress=progress)
 
     def report(self) -> Report:
-        """What is told of files, tiles, time and memory."""
+        """Report on files, tiles, time and memory."""
         reports = [tile.report for done in self.rounds for tile in done.tiles]
         read = max(sum(tile.report.read for tile in done.tiles) for done in self.rounds)
         layout = self.store.layout
@@ -177,49 +177,49 @@ class Run:
 def file_run(
     source: MeshSource, target: str | os.PathLike[str], options: RunOptions, *, row_size: int, in_store: int
 ) -> Iterator[Run]:
-    """Sort a mesh on disk and start workers; in the end the store is removed, unless anything went wrong.
+    """Sort a mesh on disk and start workers; at the end the store is removed, unless the run fails.
 
-    The results take so many bytes per vertex in the target, and in the store. Refused are options out of range, a store
-    of another run or of something else, and a disk that is too small.
+    `row_size` and `in_store` are the bytes per vertex of the results in the target and in the store. Options out of
+    range, a store of another run, other folders, and disks without enough space are refused.
     """
     if options.workers is not None and not (isinstance(options.workers, Integral) and options.workers >= 1):
         raise InvalidParameterError(f"workers: got {options.workers!r}, expected 1 or more, or None for all cores")
-    tile_size(options)  # refused at once if there cannot be any
+    tile_size(options)  # refuse bad sizes at once
     stages = Stages(options.progress)
     folder = Path(options.store if options.store is not None else f"{os.fspath(target)}.tiles").absolute()
     if not options.resume:
         check_room(source, folder, Path(target), row_size, in_store)
     with (
         use_threads(options.workers),
-        running(options.scheduler, workers=thread_count(), memory_limit=options.memory_limit) as cluster,
+        start_workers(options.scheduler, workers=thread_count(), memory_limit=options.memory_limit) as cluster,
     ):
         with stages.stage("sort") as progress:
-            store = _opened_store(source, folder, options, progress)
+            store = _prepare_store(source, folder, options, progress)
         yield Run(source, target, store, cluster, stages, thread_count())
-    if not options.keep_store and (folder / MARK).is_file():
+    if not options.keep_store and (folder / MARKER_FILE).is_file():
         shutil.rmtree(folder)
 
 
-def _opened_store(source: MeshSource, folder: Path, options: RunOptions, progress: Progress | None) -> Store:
-    """The store of an earlier run, with its tiles, if it is to be resumed and is complete, or else a new one."""
-    ours = (folder / MARK).is_file()
+def _prepare_store(source: MeshSource, folder: Path, options: RunOptions, progress: Progress | None) -> Store:
+    """Open the complete store of an earlier run to resume it, or build a new one."""
+    ours = (folder / MARKER_FILE).is_file()
     if folder.exists() and not (ours and options.resume) and (not folder.is_dir() or any(folder.iterdir())):
-        hint = "resume to go on with it, or remove it" if ours else "choose another folder"
-        raise InvalidParameterError(f"store: {folder} is there already; {hint}")
+        hint = "resume the run, or remove the folder" if ours else "choose another folder"
+        raise InvalidParameterError(f"store: {folder} exists already; {hint}")
     wanted = tile_size(options)
     if ours and (folder / MANIFEST).is_file():
         store = open_store(folder, source.fingerprint())
         there = store.layout.tile_vertices
-        if options.tile_vertices is not None and there != store.layout.in_whole_blocks(wanted):
+        if options.tile_vertices is not None and there != store.layout.round_to_blocks(wanted):
             raise InvalidParameterError(
                 f"tile_vertices: got {wanted}, but {folder} has tiles of {there}; give that number, or remove the "
-                "folder to start anew"
+                "folder to start over"
             )
         return store
-    if ours:  # the mesh was not sorted to the end
+    if ours:  # sorting was interrupted
         shutil.rmtree(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / MARK).touch()
+    (folder / MARKER_FILE).touch()
     return build_store(source, folder, wanted, progress=progress)
 
 
@@ -227,8 +227,8 @@ def tile_size(options: RunOptions) -> int:
     """Vertices per tile, as given or as the memory of a worker allows."""
     tile_vertices, memory_limit = options.tile_vertices, options.memory_limit
     if tile_vertices is not None:
-        if tile_vertices < SMALLEST_TILE:
-            raise InvalidParameterError(f"tile_vertices: got {tile_vertices}, expected {SMALLEST_TILE} or more")
+        if tile_vertices < MIN_TILE_VERTICES:
+            raise InvalidParameterError(f"tile_vertices: got {tile_vertices}, expected {MIN_TILE_VERTICES} or more")
         return tile_vertices
     if memory_limit is None:
         return options.largest_tile
@@ -241,7 +241,7 @@ def tile_size(options: RunOptions) -> int:
 
 
 def check_room(source: MeshSource, folder: Path, target: Path, row_size: int, in_store: int) -> None:
-    """Refuse early what would fail in the end, from the bytes of a vertex in the target, and in the store."""
+    """Refuse disks without enough space early, given the bytes per vertex in the target and in the store."""
     if not target.resolve().parent.is_dir():
         raise FileNotFoundError(f"cannot write {target}: there is no directory {target.resolve().parent}")
     n, m = source.vertex_count, source.face_count
@@ -259,7 +259,7 @@ def check_room(source: MeshSource, folder: Path, target: Path, row_size: int, in
 
 
 def peak_bytes() -> int:
-    """The most memory that this process has had so far, 0 where that is not known."""
+    """Peak memory of this process, 0 where unknown."""
     if sys.platform == "win32":
         return 0
     import resource

@@ -27,9 +27,9 @@ Scheduler: TypeAlias = Any
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 
-LOCAL = ("threads", "processes", "synchronous")
-PIP = 'pip install "bezier-filters[scale]"'
-WITHIN = 4  # tasks per thread of the workers that are handed out ahead, so that none waits for the next one
+LOCAL_SCHEDULERS = ("threads", "processes", "synchronous")
+INSTALL_COMMAND = 'pip install "bezier-filters[scale]"'
+TASKS_PER_THREAD = 4  # tasks per thread that are submitted ahead, so that no worker idles
 
 
 class LostTaskError(RuntimeError):
@@ -38,27 +38,27 @@ class LostTaskError(RuntimeError):
 
 @dataclass(frozen=True)
 class Workers:
-    """Where tasks run: waits for the workers and gives what `run_tasks` takes; ends those that were started."""
+    """The workers of a run: `ready` waits for them and returns the scheduler for `run_tasks`; `release` ends them."""
 
     ready: Callable[[], Scheduler]
     release: Callable[[], object] = lambda: None
 
 
 @contextlib.contextmanager
-def running(scheduler: Scheduler, *, workers: int, memory_limit: int | None) -> Iterator[Workers]:
-    """Start workers on this machine if no scheduler is given, and end them after the block, while which they start.
+def start_workers(scheduler: Scheduler, *, workers: int, memory_limit: int | None) -> Iterator[Workers]:
+    """Start workers on this machine in the background if no scheduler is given, and end them after the block.
 
-    One that uses more bytes than the memory limit is ended, and another one takes its place. Refused is what is no
-    scheduler, or an address where nothing answers.
+    A worker that exceeds the memory limit is replaced. Anything but a scheduler is refused, and so is an address
+    without a response.
     """
     distributed = _import_distributed()
-    if isinstance(scheduler, distributed.Client) or (isinstance(scheduler, str) and scheduler in LOCAL):
+    if isinstance(scheduler, distributed.Client) or (isinstance(scheduler, str) and scheduler in LOCAL_SCHEDULERS):
         yield Workers(lambda: scheduler)
     elif isinstance(scheduler, str) and "://" in scheduler:
         try:
             client = distributed.Client(scheduler, timeout="20s", set_as_default=False)
         except (OSError, ValueError) as error:
-            raise InvalidParameterError(f"scheduler: nothing answers at {scheduler}; {error}") from error
+            raise InvalidParameterError(f"scheduler: no response from {scheduler}; {error}") from error
         with client:
             yield Workers(lambda: client)
     elif scheduler is None:
@@ -66,12 +66,12 @@ def running(scheduler: Scheduler, *, workers: int, memory_limit: int | None) -> 
             starting = pool.submit(_start, stack, workers, memory_limit)
             yield Workers(starting.result, lambda: pool.submit(stack.close))
     else:
-        allowed = f"{', '.join(LOCAL)}, an address such as tcp://host:8786, or a Client"
+        allowed = f"{', '.join(LOCAL_SCHEDULERS)}, an address such as tcp://host:8786, or a Client"
         raise InvalidParameterError(f"scheduler: got {scheduler!r}, expected {allowed}")
 
 
 def _start(stack: contextlib.ExitStack, workers: int, memory_limit: int | None) -> Scheduler:
-    """A client of new processes of this machine, which end with the stack."""
+    """Client of new processes on this machine, which end with the stack."""
     distributed = _import_distributed()
     cluster = distributed.LocalCluster(
         host="127.0.0.1",
@@ -86,7 +86,7 @@ def _start(stack: contextlib.ExitStack, workers: int, memory_limit: int | None) 
 
 
 def dashboard(scheduler: Scheduler) -> str:
-    """Where Dask shows its own progress; empty if nowhere."""
+    """Address of Dask's dashboard; empty if there is none."""
     return "" if find_spec("bokeh") is None else str(getattr(scheduler, "dashboard_link", "") or "")
 
 
@@ -98,11 +98,11 @@ def run_tasks(
     workers: int = 1,
     progress: Progress | None = None,
 ) -> Iterator[Result]:
-    """Call a function for every task, on a scheduler from `running`; what it returns comes in any order.
+    """Call a function for every task, on a scheduler from `start_workers`; results come in any order.
 
-    Workers find the function by its name in a module; its first arguments may be bound by `functools.partial`.
-    `workers` says how many run at a time, unless the scheduler knows. Tasks of a worker that dies are computed again by
-    another one; if that happens again and again, a `LostTaskError` is raised.
+    Workers import the function by its name; its first arguments may be bound by `functools.partial`. `workers` is the
+    number of concurrent tasks of local schedulers. Tasks of a worker that dies are repeated by another one;
+    `LostTaskError` after several deaths.
     """
     report(progress, 0, len(tasks))
     found = (
@@ -116,19 +116,19 @@ def run_tasks(
 
 
 def _run_local(name: str, function: Callable[[Task], Result], tasks: Sequence[Task], workers: int) -> Iterator[Result]:
-    """On Dask's schedulers for one machine, which take all tasks or none: some at a time."""
+    """Run tasks on Dask's schedulers for one machine, in batches, as these take a fixed list of tasks."""
     dask: Any = import_module("dask")
-    step = workers * WITHIN
+    step = workers * TASKS_PER_THREAD
     for first in range(0, len(tasks), step):
         calls = [dask.delayed(function, pure=False)(task) for task in tasks[first : first + step]]
         try:
-            # The processes of a pool would wait for tasks for ever.
+            # Otherwise the processes of a pool would outlive their parent.
             given = {"initializer": partial(end_with_parent, os.getpid())} if name == "processes" else {}
             yield from dask.compute(*calls, scheduler=name, num_workers=workers, optimize_graph=False, **given)
         except Exception as error:
-            if type(error).__name__ == "BrokenProcessPool":  # the tasks can be told only by what they left behind
+            if type(error).__name__ == "BrokenProcessPool":  # which task it was shows only in the missing results
                 raise LostTaskError(
-                    f"a process that worked on one of {list(tasks[first : first + step])} has died; resume to go on"
+                    f"a process that worked on one of {list(tasks[first : first + step])} has died; resume to continue"
                 ) from error
             raise
 
@@ -143,7 +143,7 @@ def _run_distributed(client: Scheduler, function: Callable[[Task], Result], task
                 result = future.result()
             except distributed.KilledWorker as error:
                 raise LostTaskError(
-                    f"task {named[future.key]} has ended {error.allowed_failures + 1} workers, probably for want of "
+                    f"task {named[future.key]} has ended {error.allowed_failures + 1} workers, probably for lack of "
                     "memory: choose smaller tiles, or a higher memory limit"
                 ) from error
             except distributed.CancelledError as error:
@@ -157,17 +157,17 @@ def _run_distributed(client: Scheduler, function: Callable[[Task], Result], task
 def run_on_scheduler(
     jobs: Sequence[Sequence[str]], scheduler: Scheduler, *, workers: int
 ) -> Generator[tuple[int, Outcome], None, None]:
-    """Run command lines on any of Dask's schedulers; `worker_processes.run_in_processes` for many machines.
+    """Run command lines on any of Dask's schedulers: `worker_processes.run_in_processes` for several machines.
 
-    Jobs are arguments of ``bezier-filters``; workers must see the files under the same, absolute, paths. `workers` jobs
-    run at a time if the scheduler is "threads" or "processes". Outcomes come as they finish, after the job's index.
+    Jobs are arguments of ``bezier-filters``; workers must see the files under the same absolute paths. Local schedulers
+    run `workers` jobs at a time. Yields the index and the outcome of each job as they finish.
     """
-    with running(scheduler, workers=workers, memory_limit=None) as cluster:
+    with start_workers(scheduler, workers=workers, memory_limit=None) as cluster:
         yield from run_tasks(cluster.ready(), run_command_line, list(enumerate(jobs)), workers=workers)
 
 
 def run_command_line(job: tuple[int, Sequence[str]]) -> tuple[int, Outcome]:
-    """What a worker does: a library that aborts on a damaged file, or prints, does it elsewhere."""
+    """Run a command line in a child process of a worker, as libraries may abort on damaged files, or print."""
     index, arguments = job
     start = time.perf_counter()
     done = subprocess.run(
@@ -191,5 +191,5 @@ def _import_distributed() -> Any:
         import dask  # noqa: F401
         import distributed
     except ImportError as error:
-        raise ImportError(f"meshes in tiles need Dask: {PIP} ({error})") from error
+        raise ImportError(f"meshes in tiles need Dask: {INSTALL_COMMAND} ({error})") from error
     return distributed

@@ -15,11 +15,11 @@ from bezier_filters.fitting.adaptive_fit import SurfaceFit
 from bezier_filters.fitting.outlier_removal import OUTLIER_REACH
 from bezier_filters.meshes.adjacency import Adjacency, incoherent_vertices, vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.meshes.spatial_order import by_levels
+from bezier_filters.meshes.spatial_order import cuthill_mckee_order
 from bezier_filters.runtime.atomic import atomic_write
 from bezier_filters.runtime.parallel import single_threaded_blas
-from bezier_filters.scale.array_file import ArrayFile, Values, saved_array
-from bezier_filters.scale.components import StoredComponents, labelled_vertices, unite_components
+from bezier_filters.scale.array_file import ArrayFile, Values, save_array
+from bezier_filters.scale.components import StoredComponents, label_vertices, merge_components
 from bezier_filters.scale.estimate import fit_tile
 from bezier_filters.scale.halo import TilePart, tile_part
 from bezier_filters.scale.learn import FitOptions, learn_fit, learn_store_noise, rings_needed, sample_store_parts
@@ -58,15 +58,15 @@ from bezier_filters.smoothing.volume import (
 )
 from bezier_filters.surface_model.noise_model import NoiseModel
 
-# columns: how far smoothing moved each vertex, and how sharp it kept edges
+# columns of the displacement and of the weight of sharp estimates
 DISPLACEMENT, SHARPNESS = PREFIX + "displacement", PREFIX + "sharpness"
-PAPER = FitOptions(rings=2, alpha=0.8, smoothness="paper")  # as ``bezier_filters.smooth(..., method="paper")``
-IN_STORE = {"auto": (90, 56), "paper": (0, 64)}  # bytes per vertex in the store, once and for each iteration
-# rings around a tile whose flipped faces may flip others: a few times `REPAIR_RINGS` of `smoothing.flipped_faces`
+PAPER_OPTIONS = FitOptions(rings=2, alpha=0.8, smoothness="paper")  # as ``bezier_filters.smooth(..., method="paper")``
+STORE_BYTES = {"auto": (90, 56), "paper": (0, 64)}  # bytes per vertex in the store, once and per iteration
+# halo for the repair of flipped faces: a few times `REPAIR_RINGS` of `smoothing.flipped_faces`
 FINISH_RINGS = 8
-LARGEST_TILE = 5 << 18  # vertices: tiles of the automatic smoothing have many rings around them
-# what is told of the faces
-COUNTS = ("flipped before", "flipped after", "degenerate before", "degenerate after", "new")
+SMOOTHING_TILE_VERTICES = 5 << 18  # vertices; larger tiles, as the halos of the automatic smoothing are wide
+# counts of faces in the report
+FACE_COUNTS = ("flipped before", "flipped after", "degenerate before", "degenerate after", "new")
 
 
 @single_threaded_blas()
@@ -91,15 +91,15 @@ def smooth_file(
     keep_store: bool = False,
     progress: StageProgress | None = None,
 ) -> Report:
-    """Take the noise off a mesh of any size and keep its shape, its volume and its edges: `smooth` in tiles.
+    """Remove the noise of a mesh of any size and keep its shape, its volume and its edges: `smooth` in tiles.
 
-    What holds for the mesh as a whole is learned once, from the same parts as in memory. Then every tile is a task that
-    smooths it, with as many rings around it as the filters reach across, by the same function as a mesh in memory. The
-    vertices are those of ``smooth`` but for a hundredth of the noise, and a thousandth in the root mean
-    square, whatever the tiles and the scheduler. A last round gives closed components their volumes back (to 1e-6).
+    Global parameters are learned once, from the same parts as in memory. Then every tile is a task that smooths it
+    by the same function as a mesh in memory, with a halo as wide as the filters. The vertices differ from those of
+    ``smooth`` by at most a hundredth of the noise, and by a thousandth in the root mean square, whatever the tiles
+    and the scheduler. A last round restores the volumes of closed components (to 1e-6).
 
-    ``method="paper"`` moves every vertex onto its patch, all from the old mesh. After the first time that is the same
-    up to rounding, as the tiles keep the order of the mesh before: 1e-12, more where faces join what is far apart.
+    ``method="paper"`` moves every vertex onto its patch, all from the old mesh. From the second iteration on the
+    result differs by rounding, as tiles keep the order of the first mesh: 1e-12, more where faces are very long.
 
     Parameters
     ----------
@@ -107,14 +107,14 @@ def smooth_file(
         As in `estimate_file`. The quality of the target is ``bz_displacement``: how far each vertex moved in all. The
         automatic smoothing writes ``bz_sharpness``, too.
     method : {"auto", "paper"}
-        How to smooth.
+        Smoothing method.
     iterations : int
-        How many times, at least 1; once is enough for ``"auto"``.
+        Number of iterations, at least 1; one is enough for ``"auto"``.
     noise, borders, keep_volume, detail, relax
         As in `smooth`, for ``"auto"`` only.
     options : FitOptions, optional
-        How patches are fitted, for ``"paper"`` only, which by default fits them as the paper does. With others
-        vertices move onto the patches of `estimate_vertex_geometry`; what is left open is learned anew every time.
+        Options of the fit, for ``"paper"`` only; by default those of the paper. With other options vertices move onto
+        the patches of `estimate_vertex_geometry`, and automatic options are learned again in every iteration.
 
     Returns
     -------
@@ -146,21 +146,23 @@ def smooth_file(
         raise InvalidParameterError("options: only method='paper' fits patches; leave it out")
     if method == "paper" and (borders != "curve" or keep_volume):
         raise InvalidParameterError("borders, keep_volume: method='paper' in tiles has no such options; leave them out")
-    fit_options = options or PAPER
-    fit_options.checked()
+    fit_options = options or PAPER_OPTIONS
+    fit_options.check()
     opened = open_source(source)
     how = RunOptions(scheduler, workers, tile_vertices, memory_limit, store, resume, keep_store, progress)
     if method == "auto":
-        how = replace(how, largest_tile=LARGEST_TILE)
-    once, each = IN_STORE[method]
+        how = replace(how, largest_tile=SMOOTHING_TILE_VERTICES)
+    once, each = STORE_BYTES[method]
     with file_run(opened, target, how, row_size=48, in_store=once + each * iterations) as run:
         if method == "paper":
-            return _onto_patches(run, iterations, fit_options)
-        return _automatic(run, iterations, SmoothingOptions(borders, detail, relax, noise), keep_volume is not False)
+            return _smooth_onto_patches(run, iterations, fit_options)
+        return _smooth_automatically(
+            run, iterations, SmoothingOptions(borders, detail, relax, noise), keep_volume is not False
+        )
 
 
-def _automatic(run: Run, iterations: int, options: SmoothingOptions, keep_volume: bool) -> Report:
-    """The automatic smoothing: a round that measures the mesh, one for every iteration, and one that ends it."""
+def _smooth_automatically(run: Run, iterations: int, options: SmoothingOptions, keep_volume: bool) -> Report:
+    """Automatic smoothing: a round that measures the mesh, one for every iteration, and a final one."""
     how = {"quantity": "automatic smoothing", "iterations": iterations, "keep_volume": keep_volume}
     results, mesh, fixed = run.results(how | asdict(options)), run.store, options.borders == "fixed"
     known = _noise_of(run, mesh, options.sigma)
@@ -170,7 +172,7 @@ def _automatic(run: Run, iterations: int, options: SmoothingOptions, keep_volume
         measured = current
         if step > 0:
             options, here = replace(options, sigma=None), _noise_of(run, current)
-        current, here = _without_outliers(run, current, here, results / f"clean-{step + 1}", options)
+        current, here = _remove_outliers(run, current, here, results / f"clean-{step + 1}", options)
         impulses: Impulses | None = None
         before = np.zeros((0, 3))
         for k in range(1 + MAX_IMPULSE_ROUNDS):
@@ -181,7 +183,7 @@ def _automatic(run: Run, iterations: int, options: SmoothingOptions, keep_volume
                 done = run.tiles("measure", results / f"measure-{name}", look)
                 around = (_roughest(done.tiles),)
             if is_first and mesh.layout.face_count > 0 and not done.sums("incoherent")[0]:
-                components = unite_components(mesh, done.tiles)
+                components = merge_components(mesh, done.tiles)
             with run.stages.stage("learn"):
                 parts = sample_store_parts(current, around)
                 learned = learn_plan(parts, here, options)
@@ -192,14 +194,14 @@ def _automatic(run: Run, iterations: int, options: SmoothingOptions, keep_volume
             last = components if is_last else None
             job = partial(smooth_tile, mesh, current, plan, reach, fixed, is_cleaned, last)
             folder = results / f"smooth-{name}"
-            current, done = _moved(run, "smooth", folder, job)
+            current, done = _run_round(run, "smooth", folder, job)
             if options.sigma is None:
                 with run.stages.stage("learn"):
-                    impulses, before = _impulses_left(measured, current, impulses, before)
+                    impulses, before = _learn_impulses(measured, current, impulses, before)
             if impulses is None or k == MAX_IMPULSE_ROUNDS:
                 break
             corrected = partial(correct_tile, measured, current, impulses)
-            current, _ = _moved(run, "correct", results / f"correct-{name}", corrected)
+            current, _ = _run_round(run, "correct", results / f"correct-{name}", corrected)
             here = _noise_of(run, current, robust=False)
         folders.append(folder)
     steps, volume_before = None, None
@@ -208,9 +210,9 @@ def _automatic(run: Run, iterations: int, options: SmoothingOptions, keep_volume
         volume_before = float(sums[:, 0].sum())
         if keep_volume:
             steps = volume_steps(sums[:, 0], sums[:, 1:])
-    of_steps = None if steps is None else saved_array(results / "steps.bin", steps)
+    of_steps = None if steps is None else save_array(results / "steps.bin", steps)
     finish = partial(finish_tile, mesh, current, folders, fixed, components, of_steps)
-    current, done = _moved(run, "finish", results / "finish", finish)
+    current, done = _run_round(run, "finish", results / "finish", finish)
     left = _noise_of(run, current)
     run.write(done.tiles)
     return run.report() | {
@@ -224,23 +226,23 @@ def _automatic(run: Run, iterations: int, options: SmoothingOptions, keep_volume
             "heavy": known is not None and known.heavy,
         },
         "volume": {"before": volume_before, "after": None if volume_before is None else float(done.sums("volume")[0])},
-        "faces": dict(zip(COUNTS, done.sums("faces").astype(int).tolist(), strict=True)),
+        "faces": dict(zip(FACE_COUNTS, done.sums("faces").astype(int).tolist(), strict=True)),
         "halo_rings": reach,
     }
 
 
 def _noise_of(run: Run, store: Store, sigma: float | None = None, robust: bool | None = None) -> NoiseModel | None:
-    """The noise, of a given strength if that is known, with the outliers if not `robust`."""
+    """Noise of a mesh, with a given standard deviation if known; includes the outliers if not `robust`."""
     with run.stages.stage("learn"):
         return learn_store_noise(store, sigma, robust)
 
 
-def _without_outliers(
+def _remove_outliers(
     run: Run, store: Store, noise: NoiseModel | None, folder: Path, options: SmoothingOptions
 ) -> tuple[Store, NoiseModel | None]:
-    """A mesh without its outliers, if `denoise_mesh` takes them off first, and the noise that it has then.
+    """Remove the outliers of a mesh where `denoise_mesh` does; returns the mesh and its remaining noise.
 
-    Each round has a folder of this name and its number.
+    The folder of each round has this name with a number.
     """
     if noise is not None and noise.outliers:
         with run.stages.stage("learn"):
@@ -251,17 +253,17 @@ def _without_outliers(
     while needs_outlier_removal(noise, rounds):
         rounds += 1
         of_round = folder.with_name(f"{folder.name}-{rounds}")
-        store, _ = _moved(run, "clean", of_round, partial(clean_tile, store))
+        store, _ = _run_round(run, "clean", of_round, partial(clean_tile, store))
         noise = _noise_of(run, store, options.sigma)
     return store, noise
 
 
-def _impulses_left(
+def _learn_impulses(
     measured: Store, smoothed: Store, impulses: Impulses | None, before: FloatArray
 ) -> tuple[Impulses | None, FloatArray]:
-    """The impulses that `denoise_mesh` learns after a round, None if it has converged, and the points that show them.
+    """Learn impulses after a round as `denoise_mesh` does, None if it has converged; also returns the points.
 
-    Given are the impulses and the points of the round before.
+    `impulses` and `before` are the impulses and the points of the previous round.
     """
     parts = sample_store_parts(smoothed)
     points = parts.mesh.vertices
@@ -270,8 +272,8 @@ def _impulses_left(
     return learn_impulses(sample_store_parts(measured).mesh.vertices, parts), points
 
 
-def _moved(run: Run, stage: str, folder: Path, move: TileTask) -> tuple[Store, Round]:
-    """The mesh after a round that moves vertices, its coordinates, float64, in one file; and the round."""
+def _run_round(run: Run, stage: str, folder: Path, move: TileTask) -> tuple[Store, Round]:
+    """Run a round that moves vertices; returns the mesh, with float64 coordinates in one file, and the round."""
     done, path = run.tiles(stage, folder, move), folder / "vertices.bin"
     with atomic_write(path) as temporary, open(temporary, "wb") as stream:
         for tile in done.tiles:
@@ -282,7 +284,7 @@ def _moved(run: Run, stage: str, folder: Path, move: TileTask) -> tuple[Store, R
 
 
 def _component_sums(tiles: Sequence[Tile], count: int) -> FloatArray:
-    """Volumes of components before, and along their moves, (c, 5), from those of the faces of all tiles."""
+    """Volumes of components before and along their moves, (c, 5), summed over the faces of all tiles."""
     result = np.zeros((count, 1 + len(VOLUME_STEPS)))
     for sums in (tile.report.sums for tile in tiles):
         result[np.array(sums["components"], dtype=np.int64)] += np.reshape(sums["volumes"], (-1, 1 + len(VOLUME_STEPS)))
@@ -290,13 +292,13 @@ def _component_sums(tiles: Sequence[Tile], count: int) -> FloatArray:
 
 
 def _roughest(tiles: Sequence[Tile]) -> int:
-    """The vertex of the source around which the mesh is roughest."""
+    """The roughest vertex, by its number in the source."""
     values, ids = (np.concatenate([tile.report.sums[name] for tile in tiles]) for name in ("roughness", "roughest"))
     return int(ids[roughest_vertices(values, ids.astype(np.int32))[0]])
 
 
 def measure_tile(store: Store, sigma: float, tile: int) -> tuple[Values, TileReport]:
-    """Which vertices of a tile hang together, and where it is roughest, if the mesh is large."""
+    """Component labels of a tile, and the roughest vertex if the mesh is large."""
     is_large = store.layout.vertex_count > MAX_WHOLE_VERTICES and sigma > 0.0
     part = tile_part(store, tile, ROUGHNESS_RINGS if is_large else 1)
     adjacency = vertex_adjacency(part.mesh)
@@ -307,18 +309,18 @@ def measure_tile(store: Store, sigma: float, tile: int) -> tuple[Values, TileRep
     places = roughest_vertices(values, ids)
     incoherent = incoherent_vertices(part.mesh.faces, adjacency)[part.own].any()
     sums = {"roughness": values[places].tolist(), "roughest": ids[places].tolist(), "incoherent": [float(incoherent)]}
-    return labelled_vertices(part, adjacency), TileReport(tile, len(part.ids), sums)
+    return label_vertices(part, adjacency), TileReport(tile, len(part.ids), sums)
 
 
 def clean_tile(store: Store, tile: int) -> tuple[Values, TileReport]:
-    """Where the vertices of a tile are without its outliers."""
+    """Vertices of a tile after the removal of outliers."""
     part = tile_part(store, tile, OUTLIER_REACH)
     points = move_mesh_outliers(part.mesh, vertex_adjacency(part.mesh)).vertices
     return table_of(points[part.own], {}), TileReport(tile, len(part.ids), {})
 
 
 def correct_tile(measured: Store, smoothed: Store, impulses: Impulses, tile: int) -> tuple[Values, TileReport]:
-    """Where the vertices of a tile were measured, as far as they were not hit by impulses."""
+    """Measured vertices of a tile, without those hit by impulses."""
     part = tile_part(smoothed, tile, SLIDING_RINGS)
     points = remove_impulses(measured.coordinates_of(part.ids), part.mesh, vertex_adjacency(part.mesh), impulses)
     return table_of(points[part.own], {}), TileReport(tile, len(part.ids), {})
@@ -330,14 +332,14 @@ def _mesh_part(store: Store, part: TilePart, adjacency: Adjacency) -> MeshPart:
     return MeshPart(part.mesh, adjacency, store.sources(part.ids), part.cut, core, store.layout.vertex_count)
 
 
-def _denoised(store: Store, part: TilePart, plan: SmoothingPlan) -> tuple[FloatArray, FloatArray]:
-    """Where the vertices of a part are without their noise, (k, 3), and how sharp edges are there, (k,)."""
+def _denoise_part(store: Store, part: TilePart, plan: SmoothingPlan) -> tuple[FloatArray, FloatArray]:
+    """Denoised vertices of a part, (k, 3), and weights of sharp estimates, (k,)."""
     adjacency = vertex_adjacency(part.mesh)
-    ordered = by_levels(part.mesh, adjacency)  # filters read it again and again, and a tile is cell by cell
+    ordered = cuthill_mckee_order(part.mesh, adjacency)  # faster than the Morton order for repeated filters
     piece = reorder_part(_mesh_part(store, part, adjacency), ordered)
-    del adjacency  # memory counts
+    del adjacency  # saves memory
     found = denoise(piece, plan)
-    return ordered.back(found.points), ordered.back(found.sharpness)
+    return ordered.restore_order(found.points), ordered.restore_order(found.sharpness)
 
 
 def smooth_tile(
@@ -350,17 +352,17 @@ def smooth_tile(
     stored: StoredComponents | None,
     tile: int,
 ) -> tuple[Values, TileReport]:
-    """Where the vertices of a tile move to in an iteration, and how sharp edges are there.
+    """Smoothed vertices of a tile after an iteration, and weights of sharp estimates.
 
-    `first` and `current` are the mesh before all iterations and before this one, which may be without its outliers.
-    There is no plan if there is no noise to speak of. `reach` rings around the tile decide. Borders that
-    are fixed stay. Volumes of closed components are told if these are given.
+    `first` and `current` are the mesh before all iterations and before this one, the latter possibly without outliers.
+    There is no plan without significant noise. `reach` is the width of the halo in rings. Fixed borders stay. The
+    volumes of closed components are reported if `stored` is given.
     """
     part = tile_part(current, tile, reach)
     mesh, own = part.mesh, part.own
     points, sharpness = mesh.vertices, np.zeros(len(part.ids))
     if plan is not None:
-        points, sharpness = _denoised(current, part, plan)
+        points, sharpness = _denoise_part(current, part, plan)
     adjacency = vertex_adjacency(mesh)
     movable = _movable(adjacency, fixed)
     if is_cleaned:
@@ -370,7 +372,7 @@ def smooth_tile(
     sums: dict[str, list[float]] = {}
     if stored is not None:
         before = TriangleMesh(first.coordinates_of(part.ids), mesh.faces)
-        components, numbers = stored.at(part.ids)
+        components, numbers = stored.select(part.ids)
         moves = outward_moves(TriangleMesh(points, mesh.faces), local_movement(before, adjacency, points) * movable)
         of_tile = mesh.faces[part.faces_of_tile()]
         volumes = component_volumes(components, TriangleMesh(before.vertices, of_tile))
@@ -393,18 +395,18 @@ def finish_tile(
     steps: ArrayFile | None,
     tile: int,
 ) -> tuple[Values, TileReport]:
-    """The vertices of a tile as they are written, from the mesh before and after the iterations.
+    """Final vertices of a tile, from the mesh before and after the iterations.
 
-    The results of these are in the folders. Borders that are fixed stay. Closed components are given if the faces fit
-    together; each moves out by a step times the amounts of its vertices.
+    `folders` has the results of the iterations. Fixed borders stay. Closed components are given if the mesh is
+    oriented; each moves outwards by its step times the movement of its vertices.
     """
     part = tile_part(before, tile, FINISH_RINGS)
     mesh, own, adjacency = part.mesh, part.own, vertex_adjacency(part.mesh)
     points = smoothed.coordinates_of(part.ids)
-    components, numbers = (None, None) if stored is None else stored.at(part.ids)
+    components, numbers = (None, None) if stored is None else stored.select(part.ids)
     if components is not None and steps is not None and components.count:
         amounts = local_movement(mesh, adjacency, points) * _movable(adjacency, fixed)
-        of_components = np.array(steps.mapped()[numbers])
+        of_components = np.array(steps.memory_map()[numbers])
         points = apply_moves(
             components, points, of_components, outward_moves(TriangleMesh(points, mesh.faces), amounts)
         )
@@ -423,7 +425,7 @@ def finish_tile(
 
 
 def move_tile(first: Store, current: Store, fit: SurfaceFit, creases: bool, tile: int) -> tuple[Values, TileReport]:
-    """The vertices of a tile on their patches, and how far they are from where they were at first."""
+    """Vertices of a tile on their patches, and their distances from the first mesh."""
     geometry, part = fit_tile(current, fit, creases, tile)
     displacements = np.zeros_like(part.mesh.vertices)
     displacements[part.own] = geometry.displacements
@@ -433,15 +435,15 @@ def move_tile(first: Store, current: Store, fit: SurfaceFit, creases: bool, tile
     return rows, TileReport(tile, len(part.ids), {})
 
 
-def _onto_patches(run: Run, iterations: int, options: FitOptions) -> Report:
-    """Every vertex moves to its patch, some times; the report."""
+def _smooth_onto_patches(run: Run, iterations: int, options: FitOptions) -> Report:
+    """Move every vertex onto its patch, `iterations` times; returns the report."""
     current = run.store
     for step in range(iterations):
         results = run.results({"quantity": "patches", "options": asdict(options), "step": step})
         with run.stages.stage("learn"):
             fit = learn_fit(current, options)
         move = partial(move_tile, run.store, current, fit, options.creases)
-        current, done = _moved(run, f"step {step + 1}", results, move)
+        current, done = _run_round(run, f"step {step + 1}", results, move)
     run.write(done.tiles)
     return run.report() | {
         "iterations": iterations,

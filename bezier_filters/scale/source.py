@@ -25,19 +25,19 @@ from bezier_filters.scale.array_file import ArrayFile, DType, Values, load_array
 # a PLY file, or a pair of NPY files with vertices (n, 3) and faces (m, 3)
 SourcePath: TypeAlias = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
 
-# of each file name, size, time of the last change and checksum
+# name, size, modification time and checksum of each file
 Fingerprint: TypeAlias = list[list[str | int]]
-MOST = np.iinfo(np.int32).max  # vertices or faces that there may be
+MAX_ELEMENTS = np.iinfo(np.int32).max  # largest number of vertices or faces
 
 
 @dataclass(frozen=True)
 class MeshSource:
-    """A mesh in one or two files, whose rows have a known place."""
+    """A mesh in one or two files, with rows at known offsets."""
 
     paths: tuple[Path, ...]
     vertex_rows: ArrayFile  # with the columns x, y and z among others, or nothing but the coordinates
     face_rows: ArrayFile
-    corners: str = ""  # name of their list; empty if they are all that there is in a row
+    corners: str = ""  # name of the list of corners; empty if a row consists of corners alone
 
     @property
     def vertex_count(self) -> int:
@@ -82,14 +82,14 @@ class MeshSource:
         return np.ascontiguousarray(rows, dtype=np.int32)
 
     def fingerprint(self) -> Fingerprint:
-        """What tells whether the files are still the same."""
+        """Fingerprint by which changes of the files are detected."""
         return [_fingerprint(path) for path in self.paths]
 
 
 def open_source(source: SourcePath) -> MeshSource:
-    """Find out how a mesh is laid out, without reading it.
+    """Read the layout of a mesh file, without the data.
 
-    FieldFileError if a file is damaged, cut short or of another kind; InvalidMeshError if it has no faces or too many.
+    FieldFileError if a file is damaged, truncated or of another kind; InvalidMeshError if it has no faces or too many.
     """
     if isinstance(source, str | os.PathLike):
         result = _open_ply(Path(source))
@@ -103,8 +103,10 @@ def open_source(source: SourcePath) -> MeshSource:
             f"{result.paths[0]} has no faces; point clouds are estimated in memory only: bezier-filters curvature"
         )
     n, m = result.vertex_count, result.face_count
-    if max(n, m) > MOST:
-        raise InvalidMeshError(f"{result.paths[0]} has {n} vertices and {m} faces, expected {MOST} of each at most")
+    if max(n, m) > MAX_ELEMENTS:
+        raise InvalidMeshError(
+            f"{result.paths[0]} has {n} vertices and {m} faces, expected {MAX_ELEMENTS} of each at most"
+        )
     return result
 
 
@@ -131,19 +133,19 @@ def _open_ply(path: Path) -> MeshSource:
             break
     if path.stat().st_size < offset:
         raise FieldFileError(
-            f"{path} is cut short or damaged, or has other faces than triangles: triangles would take {offset} bytes, "
+            f"{path} is cut short or damaged, or has faces other than triangles: triangles would take {offset} bytes, "
             f"it has {path.stat().st_size}"
         )
     return MeshSource((path,), places["vertex"], places["face"], corners[0].name)
 
 
 def _rows_of(path: Path, header: PlyHeader, element: PlyElement, offset: int) -> ArrayFile:
-    """Where an element is, if all of its rows are equally long: its one list that of triangles."""
+    """Table of an element with rows of equal length; the only list may be that of triangles."""
     lists = [item.name for item in element.properties if item.length_type]
     if lists and (element.name != "face" or lists[0] not in CORNERS or len(lists) > 1):
         raise FieldFileError(
-            f"{path}: the element {element.name} has lists of any length ({', '.join(lists)}), so that what "
-            "follows has no known place; save it without them"
+            f"{path}: the element {element.name} has lists of any length ({', '.join(lists)}), so that rows have no "
+            "fixed offsets; save it without them"
         )
     order = BYTE_ORDER[header.format]
     dtype = np.dtype([(name, order + code) for name, code in element.columns])

@@ -1,9 +1,9 @@
-"""A mesh in spatial order in a folder, cut into blocks that can be read one by one.
+"""A mesh in spatial order in a folder, in blocks that can be read separately.
 
-Blocks are runs of vertices in spatial order; every face is kept with each block that has one of its corners, so
-that the faces at a vertex are all in one place. Tiles are runs of blocks. A mesh is sorted without ever being held in
-memory. The order is that of `spatial_order`, which meshes in memory are sorted by, too: each tile then sees its
-vertices and faces in the same order as there, and its sums are the same to the last digit.
+Blocks are ranges of vertices in spatial order. Every face is stored with each block that has one of its corners, so
+that all faces at a vertex are in one block. Tiles are ranges of blocks. Sorting does not load the whole mesh. The
+order is that of `spatial_order`, as in memory: each tile sees its vertices and faces in the same order, and its sums
+agree to the last digit.
 """
 
 import hashlib
@@ -20,7 +20,7 @@ from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.errors import FieldFileError, InvalidMeshError
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.meshes.spatial_order import Grid, grid_around, widen_bounds
-from bezier_filters.meshes.unit_size import MOST_BITS, size_exponent
+from bezier_filters.meshes.unit_size import MAX_UNSCALED_EXPONENT, size_exponent
 from bezier_filters.runtime.atomic import atomic_write
 from bezier_filters.runtime.checksums import file_checksum
 from bezier_filters.runtime.jit import jit
@@ -28,24 +28,24 @@ from bezier_filters.runtime.parallel import Progress, report
 from bezier_filters.scale.array_file import ArrayFile, load_array
 from bezier_filters.scale.source import Fingerprint, MeshSource
 
-ROWS = 1 << 20  # vertices or faces that are held at a time
-LARGEST_BLOCK_BITS = 10  # of the number of vertices in a block: sampled neighbourhoods and halos read whole blocks
-FORMAT = 3
-LAYOUT = "layout"  # of the manifest, which has a checksum among those of the files
-MANIFEST = "store.json"  # which is there only if all the others are
+ROWS_PER_PASS = 1 << 20  # vertices or faces in memory at a time
+MAX_BLOCK_BITS = 10  # log2 of the vertices of a block; samples and halos read whole blocks
+STORE_FORMAT = 3
+LAYOUT = "layout"  # entry of the manifest, with a checksum like those of the files
+MANIFEST = "store.json"  # written last, when all other files exist
 FILES = VERTICES, ORDER, RANK, FACES, FACE_PTR = "vertices.bin", "order.bin", "rank.bin", "faces.bin", "face_ptr.npy"
 
 
 @dataclass(frozen=True)
 class Layout:
-    """The numbers that say how a store is laid out."""
+    """Layout of a store."""
 
     vertex_count: int
     face_count: int
     dtype: str  # of the coordinates
     block_bits: int  # blocks have 2^block_bits vertices,
     tile_vertices: int  # and tiles a multiple of that
-    low: Sequence[float]  # this and the next two are those of the `Grid`
+    low: Sequence[float]  # this and the next two are attributes of the `Grid`
     scale: float
     bits: int
 
@@ -61,22 +61,22 @@ class Layout:
 
     @property
     def grid(self) -> Grid:
-        """The grid whose cells the vertices are sorted by."""
+        """Grid whose cells give the order of the vertices."""
         return Grid(np.array(self.low), self.scale, self.bits)
 
-    def in_whole_blocks(self, tile_vertices: int) -> int:
-        """Vertices of a tile, rounded up to whole blocks."""
+    def round_to_blocks(self, tile_vertices: int) -> int:
+        """Number of vertices of a tile, rounded up to whole blocks."""
         return -(-tile_vertices >> self.block_bits) << self.block_bits
 
     def tile(self, number: int) -> tuple[int, int]:
-        """First vertex of a tile, and the one after the last."""
+        """Range of the vertices of a tile: first, and one after the last."""
         start = number * self.tile_vertices
         return start, min(start + self.tile_vertices, self.vertex_count)
 
 
 @dataclass(frozen=True)
 class Store:
-    """A mesh that was made ready for tiles."""
+    """A mesh prepared for tiles."""
 
     folder: Path  # all workers must see it there
     layout: Layout
@@ -84,20 +84,20 @@ class Store:
 
     @property
     def order(self) -> ArrayFile:
-        """Which vertex of the source each one is, (n,) int32."""
+        """Number in the source of each vertex, (n,) int32."""
         return ArrayFile(self.folder / ORDER, np.dtype(np.int32), self.layout.vertex_count)
 
     @property
     def rank(self) -> ArrayFile:
-        """Where each vertex of the source is, (n,) int32."""
+        """Position in the store of each vertex of the source, (n,) int32."""
         return ArrayFile(self.folder / RANK, np.dtype(np.int32), self.layout.vertex_count)
 
     def face_ptr(self) -> NDArray[np.int64]:
-        """Where the faces of every block begin and end, (blocks + 1,)."""
+        """First face of every block, and the end of the last, (blocks + 1,)."""
         return load_array(self.folder / FACE_PTR)
 
     def faces_of(self, blocks: IntArray, ptr: NDArray[np.int64]) -> list[IntArray]:
-        """Number in the source and corners of the faces of some blocks, ascending, (k, 4) for each run of them."""
+        """Number in the source and corners of the faces of ascending blocks, (k, 4) for each run of blocks."""
         rows = ArrayFile(self.folder / FACES, np.dtype(("i4", 4)), int(ptr[-1]))
         runs = np.split(blocks, np.flatnonzero(np.diff(blocks) > 1) + 1)
         return [rows.read(int(ptr[run[0]]), int(ptr[run[-1] + 1])) for run in runs if len(run)]
@@ -108,11 +108,11 @@ class Store:
 
     def coordinates_of(self, ids: IntArray) -> FloatArray:
         """Coordinates of some vertices, (k, 3)."""
-        return self.vertices.mapped()[ids].astype(np.float64)
+        return self.vertices.memory_map()[ids].astype(np.float64)
 
     def sources(self, ids: IntArray) -> IntArray:
-        """Which vertices of the source some are."""
-        return np.array(self.order.mapped()[ids], dtype=np.int32)
+        """Numbers in the source of some vertices."""
+        return np.array(self.order.memory_map()[ids], dtype=np.int32)
 
 
 def open_store(folder: Path, fingerprint: Fingerprint) -> Store:
@@ -120,8 +120,8 @@ def open_store(folder: Path, fingerprint: Fingerprint) -> Store:
     try:
         manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
         version, found = manifest["format"], manifest["source"]
-        if version != FORMAT:
-            expected = f"(format {version}, expected {FORMAT})"
+        if version != STORE_FORMAT:
+            expected = f"(format {version}, expected {STORE_FORMAT})"
             raise FieldFileError(f"{folder} was made by another version {expected}; remove it")
         checksums, layout = dict[str, str](manifest["checksums"]), Layout(**manifest["layout"])
     except (ValueError, TypeError, KeyError) as error:
@@ -129,7 +129,7 @@ def open_store(folder: Path, fingerprint: Fingerprint) -> Store:
     if found != fingerprint:
         raise FieldFileError(
             f"{folder} was made from another file, or the file has changed since: {found}, now {fingerprint}; "
-            "remove it to start anew"
+            "remove it to start over"
         )
     for name in FILES:
         if not (folder / name).is_file() or file_checksum(folder / name) != checksums.get(name):
@@ -140,20 +140,20 @@ def open_store(folder: Path, fingerprint: Fingerprint) -> Store:
 
 
 def build_store(source: MeshSource, folder: Path, tile_vertices: int, *, progress: Progress | None = None) -> Store:
-    """Make a mesh ready for tiles, in an empty folder; refused if a coordinate is not finite, or a face no triangle."""
+    """Prepare a mesh for tiles in an empty folder; coordinates must be finite and faces triangles."""
     n, m = source.vertex_count, source.face_count
     passes = _Passes(3 * n + 2 * m, progress)
-    bits = min(LARGEST_BLOCK_BITS, int(math.log2(tile_vertices)))
+    bits = min(MAX_BLOCK_BITS, int(math.log2(tile_vertices)))
     grid = _grid(source, passes)
     layout = Layout(n, m, source.dtype.str, bits, 0, grid.low.tolist(), grid.scale, grid.bits)
-    layout = replace(layout, tile_vertices=layout.in_whole_blocks(tile_vertices))
-    store = Store(folder, layout, ArrayFile(folder / VERTICES, np.dtype((source.dtype, 3)), n).allocated())
+    layout = replace(layout, tile_vertices=layout.round_to_blocks(tile_vertices))
+    store = Store(folder, layout, ArrayFile(folder / VERTICES, np.dtype((source.dtype, 3)), n).allocate())
     _sort_vertices(source, store, passes)
     _sort_faces(source, store, passes)
     checksums = {name: file_checksum(folder / name) for name in FILES}
     checksums[LAYOUT] = _checksum(layout)
-    manifest = {"format": FORMAT, "source": source.fingerprint(), "checksums": checksums, "layout": vars(layout)}
-    with atomic_write(folder / MANIFEST) as temporary:  # which declares it to be complete
+    manifest = {"format": STORE_FORMAT, "source": source.fingerprint(), "checksums": checksums, "layout": vars(layout)}
+    with atomic_write(folder / MANIFEST) as temporary:  # marks the store as complete
         temporary.write_text(json.dumps(manifest, indent=1), encoding="utf-8")
     return store
 
@@ -171,16 +171,16 @@ class _Passes:
     done: int = 0
 
     def chunks(self, rows: int) -> Iterator[tuple[int, int]]:
-        """First row, and the one after the last, of some at a time."""
-        for start in range(0, rows, ROWS):
-            stop = min(start + ROWS, rows)
+        """Ranges of rows: first, and one after the last."""
+        for start in range(0, rows, ROWS_PER_PASS):
+            stop = min(start + ROWS_PER_PASS, rows)
             yield start, stop
             self.done += stop - start
             report(self.progress, self.done, self.total)
 
 
 def _grid(source: MeshSource, passes: _Passes) -> Grid:
-    """The grid around all vertices, which are checked."""
+    """Grid around all vertices, which are validated."""
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for start, stop in passes.chunks(source.vertex_count):
         vertices = source.vertices(start, stop).astype(np.float64)
@@ -190,30 +190,31 @@ def _grid(source: MeshSource, passes: _Passes) -> Grid:
             raise InvalidMeshError(
                 f"{source.paths[0]}: vertex {bad} has a coordinate that is NaN or infinite; remove such vertices first"
             )
-    triangle_mesh([low, high], [])  # sizes that cannot be computed with
+    triangle_mesh([low, high], [])  # refuses extreme sizes
     if size_exponent([low, high]):
+        limit = 2.0**MAX_UNSCALED_EXPONENT
         raise InvalidMeshError(
             f"{source.paths[0]}: the largest coordinate is {max(abs(low).max(), abs(high).max()):.3g}; in tiles it "
-            f"must be between {2.0**-MOST_BITS:.2g} and {2.0**MOST_BITS:.2g}: scale the mesh, or compute it in memory"
+            f"must be between {1.0 / limit:.2g} and {limit:.2g}: scale the mesh, or compute it in memory"
         )
     return grid_around(low, high, source.vertex_count)
 
 
 def _sort_vertices(source: MeshSource, store: Store, passes: _Passes) -> None:
-    """Write coordinates and numbers of the vertices in their new order, and their new places."""
+    """Write coordinates and source numbers of the vertices in the new order, and their ranks."""
     n, grid = source.vertex_count, store.layout.grid
     ends = np.zeros(grid.cell_count + 1, dtype=np.int32)
     for start, stop in passes.chunks(n):
         cells = grid.cells(source.vertices(start, stop).astype(np.float64))
-        np.add.at(ends[1:], cells, np.int32(1))  # far faster than with a number of another type
+        np.add.at(ends[1:], cells, np.int32(1))  # much faster than with another integer type
     np.cumsum(ends, out=ends)
-    order = store.order.allocated()
+    order = store.order.allocate()
     with open(store.rank.path, "wb") as stream:
         for start, stop in passes.chunks(n):
             vertices, places = source.vertices(start, stop), np.empty(stop - start, dtype=np.int32)
             cells = grid.cells(vertices.astype(np.float64))
-            _place(cells, ends, start, places, order.mapped("r+"))
-            store.vertices.mapped("r+")[places] = vertices
+            _place(cells, ends, start, places, order.memory_map("r+"))
+            store.vertices.memory_map("r+")[places] = vertices
             places.tofile(stream)
 
 
@@ -222,21 +223,21 @@ def _sort_faces(source: MeshSource, store: Store, passes: _Passes) -> None:
     m, bits = source.face_count, store.layout.block_bits
     ptr = np.zeros(store.layout.block_count + 1, dtype=np.int64)
 
-    def ranked(start: int, stop: int) -> IntArray:
-        return np.take(store.rank.mapped(), source.faces(start, stop))
+    def corner_ranks(start: int, stop: int) -> IntArray:
+        return np.take(store.rank.memory_map(), source.faces(start, stop))
 
     for start, stop in passes.chunks(m):
-        _append_faces(ranked(start, stop), start, bits, ptr[1:], np.empty((0, 4), dtype=np.int32))
+        _append_faces(corner_ranks(start, stop), start, bits, ptr[1:], np.empty((0, 4), dtype=np.int32))
     np.cumsum(ptr, out=ptr)
     np.save(store.folder / FACE_PTR, ptr)
-    rows = ArrayFile(store.folder / FACES, np.dtype(("i4", 4)), int(ptr[-1])).allocated()
+    rows = ArrayFile(store.folder / FACES, np.dtype(("i4", 4)), int(ptr[-1])).allocate()
     for start, stop in passes.chunks(m):
-        _append_faces(ranked(start, stop), start, bits, ptr, rows.mapped("r+"))
+        _append_faces(corner_ranks(start, stop), start, bits, ptr, rows.memory_map("r+"))
 
 
 @jit()
 def _place(cells: IntArray, ends: IntArray, first: int, places: IntArray, order: IntArray) -> None:
-    """Append each vertex to those of its cell."""
+    """Append each vertex to its cell."""
     for i in range(cells.shape[0]):
         place = ends[cells[i]]
         ends[cells[i]] += 1
@@ -246,7 +247,7 @@ def _place(cells: IntArray, ends: IntArray, first: int, places: IntArray, order:
 
 @jit()
 def _append_faces(faces: IntArray, first: int, bits: int, ends: NDArray[np.int64], rows: IntArray) -> None:
-    """Append each face to those of its blocks, or only count it, if there are no rows to write to."""
+    """Append each face to its blocks, or only count it if there are no rows to write."""
     for f in range(faces.shape[0]):
         a, b, c = faces[f, 0] >> bits, faces[f, 1] >> bits, faces[f, 2] >> bits
         for k, block in enumerate((a, b, c)):

@@ -1,4 +1,4 @@
-"""Results of tiles: rows in NPY files, with checksums that say that they are whole; and one PLY file of them all."""
+"""Results of tiles: rows in NPY files with checksums, and a PLY file that joins them."""
 
 import json
 import os
@@ -21,23 +21,19 @@ from bezier_filters.scale.array_file import DType, Values, load_array
 from bezier_filters.scale.source import MeshSource
 from bezier_filters.scale.store import Store
 
-ROWS = 1 << 17  # rows that are held at a time
-CACHED = 1 << 11  # rows that fit into the cache
+ROWS_PER_WRITE = 1 << 17  # rows in memory at a time
+ROWS_PER_CACHE = 1 << 11  # rows that fit into the cache
 FACE = np.dtype([("corners", "u1"), ("vertex_indices", "<i4", (TRIPLE,))])
 _NAMES = {"<f4": "float", "<f8": "double"}
 
 
 class DamagedTileError(FieldFileError):
-    """A file with the results of a tile is not what was written; the message names both."""
+    """The file of a tile does not match its checksum; the message names the tile and the file."""
 
 
 @dataclass(frozen=True)
 class TileReport:
-    """What a task has to say of its tile.
-
-    How many vertices it read, numbers that are added up over all tiles, what it took, and the most memory that its
-    process has had so far.
-    """
+    """Report of a task on its tile: vertices read, numbers to sum over all tiles, seconds and peak memory."""
 
     tile: int
     read: int
@@ -55,22 +51,22 @@ class Tile:
     report: TileReport
 
     def rows(self) -> Values:
-        """The rows as a memory map, to be dropped soon."""
+        """The rows as a memory map, which should be released soon."""
         return load_array(self.path, "r")
 
 
 def tile_path(folder: Path, tile: int) -> Path:
-    """Where the rows of a tile are; the report is next to them."""
+    """Path of the rows of a tile; the report is next to it."""
     return folder / f"tile-{tile:06d}.npy"
 
 
 def report_path(folder: Path, tile: int) -> Path:
-    """Where the report of a tile is, which is there only if the rows are."""
+    """Path of the report of a tile, which is written after the rows."""
     return tile_path(folder, tile).with_suffix(".json")
 
 
 def write_tile(folder: Path, of_tile: TileReport, rows: Values) -> None:
-    """Write the results of a tile, whole or not at all: the report comes last."""
+    """Write the results of a tile atomically: the report comes last."""
     content: dict[str, object] = {"report": asdict(of_tile), "rows": str(rows.dtype.descr)}
     text = json.dumps(content | {"checksum": _checksum(content, rows)})
     with atomic_write(tile_path(folder, of_tile.tile)) as temporary:
@@ -80,7 +76,7 @@ def write_tile(folder: Path, of_tile: TileReport, rows: Values) -> None:
 
 
 def open_tile(folder: Path, tile: int) -> Tile:
-    """Results of a tile; FileNotFoundError if there are none, `DamagedTileError` if they are not what was written."""
+    """Open the results of a tile; FileNotFoundError if there are none, `DamagedTileError` if a checksum differs."""
     path = tile_path(folder, tile)
     data = report_path(folder, tile).read_bytes()
     try:
@@ -91,7 +87,9 @@ def open_tile(folder: Path, tile: int) -> Tile:
     except (OSError, ValueError, TypeError, KeyError, AttributeError):
         whole = False
     if not whole:
-        raise DamagedTileError(f"tile {tile} is damaged: {path} is not what was written; resume to compute it again")
+        raise DamagedTileError(
+            f"tile {tile} is damaged: {path} does not match its checksum; resume to compute it again"
+        )
     return result
 
 
@@ -102,16 +100,16 @@ def remove_tile(folder: Path, tile: int) -> None:
 
 
 def _checksum(content: Mapping[str, object], rows: Values) -> int:
-    """Of the report and all rows."""
+    """Checksum of the report and all rows."""
     return zlib.crc32(np.ascontiguousarray(rows).view(np.uint8).data, zlib.crc32(json.dumps(content).encode()))
 
 
 def table_of(vertices: FloatArray, columns: Mapping[str, FloatArray], coordinates: str = "<f8") -> Values:
-    """Rows of a PLY file: coordinates of some type, and columns."""
+    """Rows of a PLY file: coordinates of a given type, and columns."""
     every = dict(zip("xyz", vertices.T, strict=True)) | dict(columns)
     rows = np.empty(len(vertices), dtype=[(name, "<f8" if k > 2 else coordinates) for k, name in enumerate(every)])
-    for start in range(0, len(rows), CACHED):  # column after column, as long as the rows are at hand
-        stop = start + CACHED
+    for start in range(0, len(rows), ROWS_PER_CACHE):  # column by column while the rows are in the cache
+        stop = start + ROWS_PER_CACHE
         for name, values in every.items():
             rows[name][start:stop] = values[start:stop]
     return rows
@@ -131,11 +129,11 @@ def write_joined(
     threads = thread_count()
     with atomic_write(Path(path)) as temporary, open(temporary, "wb") as stream, ThreadPoolExecutor(threads) as pool:
         stream.write(ply_head(dtype, n, m))
-        done, together = 0, threads * ROWS
-        for collect, total in ((partial(gathered, store, tiles), n), (partial(_faces, source), m)):
+        done, together = 0, threads * ROWS_PER_WRITE
+        for collect, total in ((partial(gather_rows, store, tiles), n), (partial(_faces, source), m)):
             for first in range(0, total, together):
-                starts = np.arange(first, min(first + together, total), ROWS)
-                for rows in pool.map(collect, starts, np.minimum(starts + ROWS, total)):
+                starts = np.arange(first, min(first + together, total), ROWS_PER_WRITE)
+                for rows in pool.map(collect, starts, np.minimum(starts + ROWS_PER_WRITE, total)):
                     rows.tofile(stream)
                     done += len(rows)
                     report(progress, done, n + m)
@@ -148,7 +146,7 @@ def _faces(source: MeshSource, start: int, stop: int) -> Values:
     return rows
 
 
-def gathered(store: Store, tiles: Sequence[Tile], start: int, stop: int) -> Values:
+def gather_rows(store: Store, tiles: Sequence[Tile], start: int, stop: int) -> Values:
     """Rows of vertices start .. stop-1 of the source."""
     ranks = store.rank.read(start, stop)
     of_tile = ranks // np.int32(store.layout.tile_vertices)

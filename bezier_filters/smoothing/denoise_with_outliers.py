@@ -8,10 +8,10 @@ from bezier_filters.arrays import FloatArray
 from bezier_filters.fitting.noise_level import learn_mesh_noise
 from bezier_filters.fitting.outlier_removal import move_outliers
 from bezier_filters.kernels.kernel_input import prepare_kernel_mesh
-from bezier_filters.meshes.adjacency import Adjacency, from_middles
+from bezier_filters.meshes.adjacency import Adjacency, umbrella_vectors
 from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.meshes.tips import unfolded
+from bezier_filters.meshes.spikes import move_folded_vertices
 from bezier_filters.runtime.parallel import Progress
 from bezier_filters.smoothing.denoise import DenoisedMesh, SmoothingOptions, remove_noise
 from bezier_filters.smoothing.flipped_faces import repair_flipped_faces
@@ -64,7 +64,7 @@ def choose_outliers_or_noise(
         normals = tangent_planes(TriangleMesh(found.points, mesh.faces), adjacency).normals
         heights, distances = (
             np.einsum("ij,ij->i", vectors[inside], normals[inside])
-            for vectors in (from_middles(adjacency.vertices, found.points), mesh.vertices - found.points)
+            for vectors in (umbrella_vectors(adjacency.vertices, found.points), mesh.vertices - found.points)
         )
         return float(np.abs(heights).sum()), float(np.linalg.norm(distances))
 
@@ -127,5 +127,5 @@ def unfold_surface(mesh: TriangleMesh, adjacency: Adjacency, points: FloatArray)
 
     Moves that would flip faces are reduced towards the mesh without outliers, not towards the outliers.
     """
-    surface = unfolded(TriangleMesh(points, mesh.faces), adjacency)
+    surface = move_folded_vertices(TriangleMesh(points, mesh.faces), adjacency)
     return repair_flipped_faces(mesh, adjacency, surface.vertices)

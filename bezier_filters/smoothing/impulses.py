@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bezier_filters.arrays import FloatArray
-from bezier_filters.meshes.adjacency import Adjacency, from_middles, mean_edge
+from bezier_filters.meshes.adjacency import Adjacency, mean_edge, umbrella_vectors
 from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.smoothing.mesh_parts import MeshPart
@@ -90,7 +90,7 @@ def learn_impulses(measured: FloatArray, smoothed: MeshPart) -> Impulses | None:
     ):
         return None
     # Tangential residuals refer to the mean of the neighbours; uneven triangles of inliers are offset from it, too.
-    away = (measured - mesh.vertices + from_middles(rows, mesh.vertices)) / unit
+    away = (measured - mesh.vertices + umbrella_vectors(rows, mesh.vertices)) / unit
     away -= np.einsum("ij,ij->i", away, normals)[:, np.newaxis] * normals
     inside = smoothed.core & ~adjacency.on_boundary & (rows.lengths > 0)
     squares, inliers = 0.5 * np.square(away[inside]).sum(axis=1), inliers[inside]

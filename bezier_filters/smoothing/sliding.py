@@ -12,7 +12,7 @@ from enum import IntEnum
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray, SingleArray
-from bezier_filters.meshes.adjacency import Adjacency, from_middles, longest_edges
+from bezier_filters.meshes.adjacency import Adjacency, longest_edges, umbrella_vectors
 from bezier_filters.meshes.frames import face_normal, tangent_planes
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.triangles import longest_squared
@@ -85,7 +85,7 @@ def _project_on_normals(mesh: TriangleMesh, adjacency: Adjacency, points: FloatA
 
 def _unevenness(smooth: TriangleMesh, adjacency: Adjacency, points: FloatArray) -> FloatArray:
     """Tangential distances of points from the mean of their neighbours, per direction, lengths (n,)."""
-    away, normals = from_middles(adjacency.vertices, points), tangent_planes(smooth, adjacency).normals
+    away, normals = umbrella_vectors(adjacency.vertices, points), tangent_planes(smooth, adjacency).normals
     away -= np.einsum("ij,ij->i", away, normals)[:, np.newaxis] * normals
     away[adjacency.on_boundary] = 0.0
     result: FloatArray = np.linalg.norm(away, axis=1) / np.sqrt(2.0)

@@ -14,9 +14,9 @@ from bezier_filters.fitting.first_call import first_call
 from bezier_filters.fitting.fit_options import check_detail, check_noise, fit_options
 from bezier_filters.fitting.noise_level import explain_unknown_noise, learn_mesh_noise
 from bezier_filters.meshes.adjacency import Adjacency, longest_edges, mean_edge, vertex_adjacency
-from bezier_filters.meshes.half_edges import unclear_vertices
-from bezier_filters.meshes.mesh import TriangleMesh, checked_selection, takes_arrays, triangle_mesh
-from bezier_filters.meshes.spatial_order import read_in_turn
+from bezier_filters.meshes.half_edges import non_manifold_edge_vertices
+from bezier_filters.meshes.mesh import TriangleMesh, check_selection, takes_arrays, triangle_mesh
+from bezier_filters.meshes.spatial_order import ensure_locality
 from bezier_filters.meshes.unit_size import LENGTH, VOLUME, normalizes_size
 from bezier_filters.patches.patch_fit import PatchFit
 from bezier_filters.runtime.parallel import Progress, runs_on_threads
@@ -241,12 +241,12 @@ def smooth(
     chosen = fit_options("auto" if rings is None else rings, "auto" if alpha is None else alpha, "auto", "paper")
     ring_count, fit = int(chosen[0]), cast("PatchFit", chosen[1])
     adjacency = vertex_adjacency(given)
-    ordered = read_in_turn(given, adjacency)
+    ordered = ensure_locality(given, adjacency)
     mesh = ordered.mesh
     if mesh is not given:
         adjacency = vertex_adjacency(mesh)
     n = mesh.vertex_count
-    movable = np.ones(n, dtype=np.bool_) if selected is None else checked_selection(selected, n)[ordered.order]
+    movable = np.ones(n, dtype=np.bool_) if selected is None else check_selection(selected, n)[ordered.order]
     if borders == "fixed":
         movable = movable & ~adjacency.on_boundary
     points, sharpness = mesh.vertices, np.zeros(n)
@@ -284,9 +284,9 @@ def smooth(
         left = learn_mesh_noise(smoothed, adjacency)
         bad_before, bad_after = (bad_faces(one, adjacency) for one in (mesh, smoothed))
         return SmoothingResult(
-            vertices=ordered.back(points),
-            displacement=ordered.back(np.linalg.norm(points - mesh.vertices, axis=1)),
-            sharpness=ordered.back(sharpness),
+            vertices=ordered.restore_order(points),
+            displacement=ordered.restore_order(np.linalg.norm(points - mesh.vertices, axis=1)),
+            sharpness=ordered.restore_order(sharpness),
             noise_before=None if known is None else known.sigma,
             noise_after=None if left is None else left.sigma,
             noise_length=None if known is None else known.length,
@@ -306,7 +306,9 @@ def smooth(
 
 def admissible_displacements(mesh: TriangleMesh, adjacency: Adjacency, displacements: FloatArray) -> FloatArray:
     """Displacements onto patches, (n, 3), set to zero if longer than the edges, and at edges that are not manifold."""
-    admissible = (np.linalg.norm(displacements, axis=1) <= longest_edges(mesh, adjacency)) & ~unclear_vertices(mesh)
+    admissible = (
+        np.linalg.norm(displacements, axis=1) <= longest_edges(mesh, adjacency)
+    ) & ~non_manifold_edge_vertices(mesh)
     return np.where(admissible[:, np.newaxis], displacements, 0.0)
 
 

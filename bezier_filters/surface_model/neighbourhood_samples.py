@@ -12,8 +12,8 @@ import numpy as np
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.kernels.kernel_input import KernelMesh
 from bezier_filters.meshes.adjacency import Adjacency
-from bezier_filters.meshes.frames import farthest_direction, mean_normal, turned_share
-from bezier_filters.meshes.neighbourhoods import forget, next_ring
+from bezier_filters.meshes.frames import farthest_direction, folding_share, mean_normal
+from bezier_filters.meshes.neighbourhoods import clear_marks, next_ring
 from bezier_filters.runtime.jit import inner_jit, jit, opaque
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
 
@@ -148,12 +148,12 @@ def _project_sample(
             if nx == 0.0 and ny == 0.0 and nz == 0.0:
                 continue
             if k == NORMAL_CHECK_RINGS:
-                sample.flipped_fraction[row] = turned_share(mesh.normals, members, count, nx, ny, nz)
-            if turned_share(mesh.normals, members, inner, nx, ny, nz) > max_flipped_fraction:
+                sample.flipped_fraction[row] = folding_share(mesh.normals, members, count, nx, ny, nz)
+            if folding_share(mesh.normals, members, inner, nx, ny, nz) > max_flipped_fraction:
                 continue
             sample.usable[row, k] = True
             plane_count = count
-        forget(visited, members, count)
+        clear_marks(visited, members, count)
         if plane_count > 0:
             _project(mesh, members, plane_count, points[row])
 

@@ -19,7 +19,7 @@ def sphere(*, radius: float = 1.0, resolution: int = 12, jitter: float = 0.0, se
         Parts of each icosahedron edge, at least 1; the mesh has ``10 resolution^2 + 2`` vertices.
     jitter : float
         Displacement of every sample, in a random direction along the sphere, as a fraction of the
-        edge; at least 0, below 0.35. Jittered samples are triangulated anew (spherical Delaunay).
+        edge; at least 0, below 0.35. Jittered samples are triangulated again (spherical Delaunay).
     seed : int
         Seed of the displacements.
 
@@ -171,7 +171,7 @@ def torus(
         Samples around the tube, at least 6; there are R/r times as many around the axis.
     jitter : float
         Displacement of every sample, in a random direction along the torus, as a fraction of the
-        edge; at least 0, below 0.35. Jittered samples are triangulated anew (Delaunay over the angles).
+        edge; at least 0, below 0.35. Jittered samples are triangulated again (Delaunay over the angles).
     seed : int
         Seed of the displacements.
 
@@ -253,7 +253,7 @@ def block_with_sharp_edges(
     ((602, 3), (1200, 3))
     """
     check_positive(size=size)
-    points, faces = sampling.notched_cube(resolution, jitter=jitter, seed=seed)
+    points, faces = sampling.cube_with_notch(resolution, jitter=jitter, seed=seed)
     return (points / resolution - 0.5) * size, faces
 
 

@@ -29,7 +29,7 @@ def cylinder(
     jitter : float
         Displacement of every sample, in a random direction along the tube, as a fraction of the
         edge; at least 0, below 0.35. Samples on a rim slide along it. Jittered samples are
-        triangulated anew (Delaunay on the unrolled tube).
+        triangulated again (Delaunay on the unrolled tube).
     seed : int
         Seed of the displacements.
 
@@ -87,7 +87,7 @@ def height_field(
     jitter : float
         Displacement of every sample, in a random direction in x and y, as a fraction of the edge;
         at least 0, below 0.35. Samples on the border slide along it, those on the rims of holes
-        stay. Jittered samples are triangulated anew (Delaunay in x and y).
+        stay. Jittered samples are triangulated again (Delaunay in x and y).
     seed : int
         Seed of the displacements.
 

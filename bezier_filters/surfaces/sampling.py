@@ -29,7 +29,7 @@ TIE_JITTER = 1e-6
 # empty and the whole rim consists of Delaunay edges.
 RIM_CLEARANCE = 0.6
 
-MARGIN = 4.0  # edges of a wrapped rectangle that are repeated around it: triangles are far smaller
+WRAP_MARGIN_EDGES = 4.0  # edges of a wrapped rectangle that are repeated around it; triangles are much smaller
 HOLE_GAP = 3.0  # least distance between two holes, and between a hole and the border, in edges
 
 
@@ -87,7 +87,7 @@ class SampledSurface(DerivedCurvatures):
         slope = np.linalg.norm(gradients, axis=1, keepdims=True)
         normals = gradients / slope
         least_aligned_axis = np.eye(3)[np.abs(normals).argmin(axis=1)]
-        first = _normalized(np.cross(normals, least_aligned_axis))
+        first = _normalize(np.cross(normals, least_aligned_axis))
         second = np.cross(normals, first)
 
         frame = np.stack([first, second], axis=1)
@@ -123,10 +123,10 @@ def sphere_directions(resolution: int, *, jitter: float = 0.0, seed: int = 0) ->
 
     # The sines divide the icosahedron's edges into equal arcs; linear weights would crowd their ends.
     edge = np.arctan(2.0) / resolution
-    directions = _normalized(np.sin(distinct * edge) @ corners)
+    directions = _normalize(np.sin(distinct * edge) @ corners)
     if jitter > 0:
-        tangents = _normalized(np.cross(directions, _random_directions(directions.shape, seed)))
-        directions = _normalized(directions + jitter * edge * tangents)
+        tangents = _normalize(np.cross(directions, _random_directions(directions.shape, seed)))
+        directions = _normalize(directions + jitter * edge * tangents)
     return directions, _convex_hull(directions)
 
 
@@ -181,13 +181,13 @@ def rectangle(
     return points, faces[~inside]
 
 
-def notched_cube(resolution: int, *, jitter: float = 0.0, seed: int = 0) -> tuple[FloatArray, IntArray]:
+def cube_with_notch(resolution: int, *, jitter: float = 0.0, seed: int = 0) -> tuple[FloatArray, IntArray]:
     """Surface points of the cube [0, resolution]^3 without its upper octant, one per unit square, and their triangles.
 
     There are 6 resolution^2 + 2 points, and twice as many faces less 4. Jittered points stay in their plane or on their
     edge, corners stay; the squares get random diagonals then.
 
-    >>> points, faces = notched_cube(2)
+    >>> points, faces = cube_with_notch(2)
     >>> len(points), len(faces)
     (26, 48)
     """
@@ -299,7 +299,7 @@ def _delaunay(points: FloatArray, periods: tuple[int, ...]) -> IntArray:
     """Delaunay triangulation in the plane, on a strip or on a torus (period 0: not periodic)."""
     shifts = np.array(list(product(*((0, -period, period) if period else (0,) for period in periods))))
     tiles = (points + shifts[:, None, :]).reshape(-1, 2)
-    low, high = points.min(axis=0) - MARGIN, points.max(axis=0) + MARGIN
+    low, high = points.min(axis=0) - WRAP_MARGIN_EDGES, points.max(axis=0) + WRAP_MARGIN_EDGES
     near = np.flatnonzero(((tiles >= low) & (tiles <= high)).all(axis=1))
     tiled = near[Delaunay(tiles[near]).simplices]
     faces = tiled % len(points)
@@ -324,9 +324,9 @@ def _canonical(faces: IntArray) -> IntArray:
 
 def _random_directions(shape: tuple[int, ...], seed: int) -> FloatArray:
     """Random unit vectors, one per row."""
-    return _normalized(np.random.default_rng(seed).standard_normal(shape))
+    return _normalize(np.random.default_rng(seed).standard_normal(shape))
 
 
-def _normalized(vectors: FloatArray) -> FloatArray:
+def _normalize(vectors: FloatArray) -> FloatArray:
     """Unit vectors along the rows of an array."""
     return np.asarray(vectors / np.linalg.norm(vectors, axis=1, keepdims=True))

@@ -454,11 +454,14 @@ def test_fills_that_need_a_look_are_told_last_and_by_the_status(tmp_path):
     save(half, np.vstack([ball.vertices, needle]), np.vstack([most, corners]))
     result = run("fill-holes", half, target)
     assert result.returncode == 3
-    assert "1 of the holes, left open because every fill would cut others; --intersecting fills them" in result.stderr
+    assert (
+        "1 of the holes, left open because every fill would intersect others; --intersecting fills them"
+        in result.stderr
+    )
     assert "every fill would cut other faces, --intersecting takes" in " ".join(result.stdout.split())
     result = run("fill-holes", half, target, "--intersecting")
     assert result.returncode == 3
-    assert "1 of the fills with faces that cut others" in result.stderr
+    assert "1 of the fills with faces that intersect others" in result.stderr
     assert re.search(r"\w+: \d+ of its faces would cut others;", " ".join(result.stdout.split()))
     assert re.search(r"\w+: taken, though \d+ of its faces cut others, the fewest", " ".join(result.stdout.split()))
 

@@ -33,11 +33,11 @@ def test_an_unwelded_file(command, suffix, tmp_path):
     result = run(command, source, target)
     assert result.returncode == 3
     assert f"{len(BALL.faces):,} of {len(BALL.faces):,} faces (100%) are not welded" in result.stderr
-    assert "--repair mends" in result.stderr
+    assert "--repair repairs" in result.stderr
     repaired = run(command, source, target, "--repair", "--json")
     assert (repaired.returncode, repaired.stderr) == (0, "")
     report = json.loads(repaired.stdout)
-    assert report["repaired"]["welded_vertices"] == len(SOUP[0]) - len(BALL.vertices)
+    assert report["repaired"]["weld_vertices"] == len(SOUP[0]) - len(BALL.vertices)
     assert report["warnings"] == []
     assert len(next(iter(read_fields(target).values()))) == len(BALL.vertices)
     if command == "curvature":
@@ -46,7 +46,7 @@ def test_an_unwelded_file(command, suffix, tmp_path):
 
 @pytest.mark.parametrize(
     ("mesh", "reason"),
-    [(TRIANGLE, "3 vertices at most are connected by faces"), (TWO_SIDED, f"{len(BALL.faces):,} duplicate faces")],
+    [(TRIANGLE, "at most 3 vertices are connected by faces"), (TWO_SIDED, f"{len(BALL.faces):,} duplicate faces")],
 )
 def test_other_meshes_without_a_curvature(mesh, reason, tmp_path):
     source = save(tmp_path / "mesh.ply", *mesh)

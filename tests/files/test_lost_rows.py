@@ -283,12 +283,12 @@ class TestCommandLine:
         (tmp_path / "bad.obj").write_text("mtllib ./pipe\n" + self.ball(tmp_path))
         refused = self.call(tmp_path, "info", "bad.obj")
         assert refused.returncode == 2
-        assert "names the material file './pipe', which is no regular file" in refused.stderr
+        assert "names the material file './pipe', which is not a regular file" in refused.stderr
 
     @pytest.mark.skipif(sys.platform == "win32", reason="pipes with a name")
     def test_a_pipe_is_no_mesh_file(self, tmp_path):
         os.mkfifo(tmp_path / "pipe.ply")
-        assert "it is no regular file" in self.call(tmp_path, "info", "pipe.ply").stderr
+        assert "it is not a regular file" in self.call(tmp_path, "info", "pipe.ply").stderr
 
 
 def test_other_warnings_are_shown_as_always():

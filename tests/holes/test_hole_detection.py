@@ -26,7 +26,7 @@ def test_borders_found_near_the_boundary_are_all(make):
     mesh = triangle_mesh(surface.vertices, surface.faces)
     border = border_edges(mesh, vertex_adjacency(mesh).on_boundary)
     pairs = set(zip(border.start.tolist(), border.end.tolist(), strict=True))
-    assert not border.unclear.any()
+    assert not border.non_manifold.any()
     assert pairs == frozenset().union(*as_cycles(boundary_loops(mesh)))
 
 

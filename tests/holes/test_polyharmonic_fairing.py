@@ -35,3 +35,17 @@ def test_the_energy_of_a_closed_mesh_is_twice_its_area():
     of_vertices = np.bincount(ball.faces.ravel(), weights=np.repeat(of_faces / 3.0, 3))
     np.testing.assert_allclose(areas, of_vertices / of_vertices.mean())
     assert np.einsum("ik,ik->", ball.vertices, matrix @ ball.vertices) == pytest.approx(2.0 * of_faces.sum())
+
+
+def test_around_a_vertex_of_very_high_valence_the_order_is_reduced():
+    """The powers of its matrix are dense: they took all memory."""
+    count = 4000
+    angles = 2.0 * np.pi * np.arange(count) / count
+    ring = np.column_stack([np.cos(angles), np.sin(angles), 0.1 * np.cos(3.0 * angles)])
+    points = np.vstack([1.1 * ring, ring, np.zeros((1, 3))])
+    i, j = np.arange(count), np.roll(np.arange(count), -1)
+    hub = np.full(count, 2 * count)
+    triples = [(i, j, j + count), (i, j + count, i + count), (i + count, j + count, hub)]
+    faces = np.concatenate([np.column_stack(corners) for corners in triples]).astype(np.int32)
+    membrane, reduced = (polyharmonic_continuation(points, faces, points[:count], order) for order in (1, 3))
+    np.testing.assert_array_equal(reduced, membrane)

@@ -29,7 +29,7 @@ def test_arrays_are_taken_as_meshes():
     assert inspect_mesh(*TETRAHEDRON) == inspect_mesh(mesh)
     apart = ([*TETRAHEDRON[0], [5, 5, 5]], TETRAHEDRON[1])
     assert diagnose(*apart) == diagnose(triangle_mesh(*apart)) == diagnose(triangle_mesh(*apart), inspect_mesh(*apart))
-    assert diagnose(np.eye(3)) == ["3 vertices without faces: curvature takes 6 or more"]
+    assert diagnose(np.eye(3)) == ["3 vertices without faces: curvature needs 6 or more"]
     with pytest.raises(InvalidMeshError, match="indices run from 0 to 3"):
         inspect_mesh(TETRAHEDRON[0][:3], TETRAHEDRON[1])
 
@@ -100,7 +100,7 @@ def test_surfaces_with_a_border_or_one_side_are_not_inside_out():
     assert inspect_mesh(BALL.vertices, BALL.faces[1:, ::-1]).inside_out_bodies == 0
     report = inspect_mesh(*moebius_strip())
     assert (report.flipped_faces, report.inside_out_bodies) == (0, 0)
-    assert "a surface with one side" in findings(*moebius_strip())
+    assert "a one-sided surface" in findings(*moebius_strip())
 
 
 @pytest.mark.parametrize("make", [bow_tie, fins, turned_faces, crossing_sheets, random_faces])
@@ -117,7 +117,7 @@ def test_pymeshlab_counts_as_many_non_manifold_vertices(make):
 def test_faces_that_are_not_welded_are_named():
     report = inspect_mesh(*soup(BALL.vertices, BALL.faces))
     assert (report.unwelded_faces, report.largest_piece, report.inner_vertices) == (len(BALL.faces), 3, 0)
-    assert "3 vertices at most are connected by faces" in findings(*soup(BALL.vertices, BALL.faces))
+    assert "at most 3 vertices are connected by faces" in findings(*soup(BALL.vertices, BALL.faces))
     assert "faces (100%) are not welded" in findings(*soup(BALL.vertices, BALL.faces))
 
 

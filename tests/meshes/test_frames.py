@@ -8,13 +8,13 @@ from bezier_filters import triangle_mesh, vertex_adjacency
 from bezier_filters.kernels.fit_frames import folds
 from bezier_filters.kernels.kernel_input import kernel_mesh, prepare_kernel_mesh, use_smoothed_normals
 from bezier_filters.meshes.frames import (
-    STEADY_ROUNDS,
-    STEEPEST,
-    UNBOUNDED,
+    MAX_FACE_TILT,
+    NO_SAFE_COSINE,
+    NORMAL_SMOOTHING_ROUNDS,
     face_normal,
     farthest_direction,
     mean_normal,
-    steady_normals,
+    smooth_normals,
     tangent_planes,
 )
 from bezier_filters.runtime.parallel import use_threads
@@ -47,7 +47,7 @@ def test_cones_of_face_normals_bound_the_safe_directions():
     unit /= np.linalg.norm(unit, axis=1, keepdims=True)
     for vertex in range(0, mesh.vertex_count, 7):
         cone = np.arccos(min(1.0, (unit[adjacency.faces.row(vertex)] @ planes.normals[vertex]).min()))
-        exact = np.cos(STEEPEST - cone)
+        exact = np.cos(MAX_FACE_TILT - cone)
         assert exact < planes.safe_cosine[vertex] < exact + 5e-7
 
 
@@ -106,7 +106,7 @@ def test_x_axis_among_equally_far_neighbours_follows_from_the_neighbourhood():
 
 
 def averaged(normals, adjacency, stops, rounds):
-    """The same as `steady_normals`, vertex by vertex."""
+    """The same as `smooth_normals`, vertex by vertex."""
     for _ in range(rounds):
         sums = normals.copy()
         for i in np.flatnonzero(~stops):
@@ -123,12 +123,12 @@ def test_steady_normals_are_means_over_neighbours_taken_again_and_again():
     stops = np.random.default_rng(0).random(mesh.vertex_count) < 0.1
     normals, rows = tangent_planes(mesh, adjacency).normals, adjacency.vertices
     before = normals.copy()
-    one = steady_normals(normals, rows.indptr, rows.indices, stops)
+    one = smooth_normals(normals, rows.indptr, rows.indices, stops)
     with use_threads(2):
-        found = [one, steady_normals(normals, rows.indptr, rows.indices, stops)]
+        found = [one, smooth_normals(normals, rows.indptr, rows.indices, stops)]
     np.testing.assert_array_equal(*found)
     np.testing.assert_array_equal(normals, before)
-    np.testing.assert_allclose(found[0], averaged(normals, adjacency, stops, STEADY_ROUNDS), atol=1e-12)
+    np.testing.assert_allclose(found[0], averaged(normals, adjacency, stops, NORMAL_SMOOTHING_ROUNDS), atol=1e-12)
 
 
 def test_steady_normals_are_nearer_to_the_truth_under_noise_that_turns_single_ones():
@@ -140,7 +140,7 @@ def test_steady_normals_are_nearer_to_the_truth_under_noise_that_turns_single_on
     before, after = (np.einsum("ij,ij->i", one.normals, surface.normals) for one in (mesh, steady))
     assert before.min() < 0.0
     assert after.min() > 0.8
-    assert (steady.safe_cosine == UNBOUNDED).all()
+    assert (steady.safe_cosine == NO_SAFE_COSINE).all()
 
 
 def test_steady_normals_do_not_cross_stops():
@@ -159,7 +159,7 @@ def test_steady_normals_do_not_cross_stops():
     np.testing.assert_array_equal(others[inside], found[inside])
     np.testing.assert_array_equal(others[mesh.barriers], found[mesh.barriers])
     np.testing.assert_allclose(others[mesh.barriers], mesh.normals[mesh.barriers], atol=1e-12)
-    every = steady_normals(
+    every = smooth_normals(
         tilted, adjacency.vertices.indptr, adjacency.vertices.indices, np.zeros(len(vertices), dtype=np.bool_)
     )
     assert np.abs(every[inside] - found[inside]).max() > 0.01, "it is the stops that hold it back"
@@ -171,5 +171,5 @@ def test_normals_that_cancel_out_stay():
     adjacency = vertex_adjacency(triangle_mesh(vertices, [[0, 1, 2]]))
     normals = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
     rows = adjacency.vertices
-    found = steady_normals(normals, rows.indptr, rows.indices, np.zeros(4, dtype=np.bool_))
+    found = smooth_normals(normals, rows.indptr, rows.indices, np.zeros(4, dtype=np.bool_))
     np.testing.assert_array_equal(found, normals)

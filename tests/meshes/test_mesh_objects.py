@@ -152,12 +152,12 @@ def test_faces_that_are_not_understood_are_refused():
         points=SHAPE.vertices, cells=[SimpleNamespace(type="tetra", data=np.array([[0, 1, 2, 3]]))]
     )
     for source, message in [
-        (pyvista.ImageData(dimensions=(2, 2, 2)), "no surface; .*extract_surface"),
-        (pyvista.Plane().cast_to_unstructured_grid(), "no surface; .*extract_surface"),
-        (pyvista.MultiBlock([pyvista.Sphere()]), "no surface"),
+        (pyvista.ImageData(dimensions=(2, 2, 2)), "not a surface; .*extract_surface"),
+        (pyvista.Plane().cast_to_unstructured_grid(), "not a surface; .*extract_surface"),
+        (pyvista.MultiBlock([pyvista.Sphere()]), "not a surface"),
         (trimesh.load_path(SHAPE.vertices[:3]), "whose entities cannot be read"),
         (mixed, "meshes and point clouds"),
-        (trimesh.Scene(), "in which there is nothing"),
+        (trimesh.Scene(), "which is empty"),
         (tetrahedra, "cells of the type 'tetra' cannot be read"),
         (SimpleNamespace(vertices=SHAPE.vertices, polygons=[]), "whose polygons cannot be read"),  # as in Blender
         ((SHAPE.vertices,), "got a tuple of 1, expected a mesh of pyvista, VTK"),

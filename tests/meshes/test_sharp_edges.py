@@ -9,7 +9,14 @@ from surface_cases import CASES, make
 from bezier_filters import estimate_vertex_geometry, triangle_mesh, vertex_adjacency
 from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.meshes.half_edges import mesh_edges
-from bezier_filters.meshes.sharp_edges import FOR_FITS, SHARP, WEAK, certainties, sharp_edge_vertices, sharp_edges
+from bezier_filters.meshes.sharp_edges import (
+    CONTINUATION_RATIO,
+    FIT_SHARP_ANGLE,
+    SHARP_ANGLE,
+    certainties,
+    sharp_edge_vertices,
+    sharp_edges,
+)
 from bezier_filters.runtime.parallel import use_threads
 from bezier_filters.surfaces import block_with_sharp_edges
 
@@ -76,10 +83,10 @@ def fold(angle, columns=8, rows=8):
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_an_edge_is_a_crease_beyond_the_limit_whichever_way_it_turns(sign):
-    vertices, faces, x, y = fold(sign * (np.degrees(FOR_FITS) + 1.0))
+    vertices, faces, x, y = fold(sign * (np.degrees(FIT_SHARP_ANGLE) + 1.0))
     inside = (y > 0) & (y < y.max())
     np.testing.assert_array_equal(creases_of(vertices, faces), (x == 0) & inside)  # the ends have one crease each
-    vertices, faces, *_ = fold(sign * (np.degrees(FOR_FITS) - 1.0))
+    vertices, faces, *_ = fold(sign * (np.degrees(FIT_SHARP_ANGLE) - 1.0))
     assert not creases_of(vertices, faces).any()
 
 
@@ -124,7 +131,7 @@ def test_a_line_goes_straight_on_along_edges_that_are_less_sharp(size, turn, goe
     _, faces, x, y = fold(0.0, rows=24)
     share = 1.3 - 0.8 * y / 24.0
     right = np.maximum(x, 0.0)
-    angle = SHARP * share
+    angle = SHARP_ANGLE * share
     bent = np.stack([np.minimum(x, 0.0) + right * np.cos(angle), y, right * np.sin(angle)], axis=1)
     bent[:, 0] += np.tan(np.radians(turn)) * np.maximum(y - 14.0, 0.0)
     mesh = triangle_mesh(size * bent, faces)
@@ -133,17 +140,17 @@ def test_a_line_goes_straight_on_along_edges_that_are_less_sharp(size, turn, goe
     assert (x[sharp] == 0).all()
     assert y[sharp].min() == 0
     if goes_on:
-        assert share[sharp].min() == pytest.approx(WEAK, abs=0.1)
+        assert share[sharp].min() == pytest.approx(CONTINUATION_RATIO, abs=0.1)
     else:
         assert y[sharp].max() == 14.0
 
 
 def test_certainty_is_a_half_at_the_limit_and_falls_with_the_noise():
-    mesh = triangle_mesh(*fold(np.degrees(SHARP), rows=2)[:2])
+    mesh = triangle_mesh(*fold(np.degrees(SHARP_ANGLE), rows=2)[:2])
     edges = mesh_edges(mesh)
-    at_fold = edges.angles > 0.5 * SHARP
+    at_fold = edges.angles > 0.5 * SHARP_ANGLE
     np.testing.assert_allclose(certainties(edges, 0.1)[at_fold], 0.5, atol=1e-6)
-    for limit, order in ((0.8 * SHARP, -1), (1.2 * SHARP, 1)):
+    for limit, order in ((0.8 * SHARP_ANGLE, -1), (1.2 * SHARP_ANGLE, 1)):
         by_noise = [certainties(edges, noise, limit)[at_fold][0] for noise in (0.05, 0.1, 0.2)]
         assert by_noise == sorted(by_noise)[::order]
         assert min(by_noise) > 0.5 if order < 0 else max(by_noise) < 0.5

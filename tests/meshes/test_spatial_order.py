@@ -9,7 +9,7 @@ from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.meshes import spatial_order
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import triangle_mesh
-from bezier_filters.meshes.spatial_order import in_spatial_order, read_in_turn
+from bezier_filters.meshes.spatial_order import ensure_locality, sort_spatially
 from bezier_filters.runtime.parallel import use_threads
 from bezier_filters.smoothing.smooth import smooth
 from bezier_filters.surfaces import torus
@@ -35,7 +35,7 @@ def test_it_is_the_same_mesh(n, scale, offset, threads, seed):
     faces = generator.integers(0, n, (2 * n, 3)) if n else []
     mesh = triangle_mesh(vertices, faces)
     with use_threads(threads):
-        ordered = in_spatial_order(mesh)
+        ordered = sort_spatially(mesh)
     assert sorted(ordered.order.tolist()) == list(range(n))
     assert (ordered.mesh.vertices == mesh.vertices[ordered.order]).all()
     assert as_set(ordered.mesh.vertices, ordered.mesh.faces) == as_set(mesh.vertices, mesh.faces)
@@ -44,13 +44,13 @@ def test_it_is_the_same_mesh(n, scale, offset, threads, seed):
 @pytest.mark.parametrize("size", [1e39, 0.0])
 def test_extents_of_any_size_and_of_nothing_are_no_obstacle(size):
     mesh = triangle_mesh(size * np.array([[-1.0, 0, 0], [1.0, 0, 0], [0, 1.0, 0]]), [[0, 1, 2]])
-    assert sorted(in_spatial_order(mesh).order.tolist()) == [0, 1, 2]
+    assert sorted(sort_spatially(mesh).order.tolist()) == [0, 1, 2]
 
 
 def test_neighbours_come_to_lie_close_together():
     surface = torus(resolution=60)
     vertices, faces, _ = shuffled(surface.vertices, surface.faces)
-    mesh = in_spatial_order(triangle_mesh(vertices, faces)).mesh
+    mesh = sort_spatially(triangle_mesh(vertices, faces)).mesh
     distances = np.abs(mesh.faces[:, 0] - mesh.faces[:, 1])
     assert np.median(distances) < 0.02 * len(vertices)
     following = np.abs(np.diff(mesh.faces[:, 0]))
@@ -80,11 +80,11 @@ def test_turning_a_mesh_changes_nothing_that_is_learned_from_it():
 
 
 def in_turn(mesh):
-    return read_in_turn(mesh, vertex_adjacency(mesh))
+    return ensure_locality(mesh, vertex_adjacency(mesh))
 
 
 def test_vertices_are_put_level_by_level_only_where_neighbours_are_far_apart(monkeypatch):
-    monkeypatch.setattr(spatial_order, "LARGE", 200)
+    monkeypatch.setattr(spatial_order, "MIN_REORDER_VERTICES", 200)
     surface = torus(resolution=30)
     vertices, faces, _ = shuffled(surface.vertices, surface.faces)
     for kept in (triangle_mesh(surface.vertices, surface.faces), triangle_mesh(vertices, [])):
@@ -92,14 +92,14 @@ def test_vertices_are_put_level_by_level_only_where_neighbours_are_far_apart(mon
     mesh = triangle_mesh(vertices, faces)
     ordered = in_turn(mesh)
     assert as_set(ordered.mesh.vertices, ordered.mesh.faces) == as_set(mesh.vertices, mesh.faces)
-    np.testing.assert_array_equal(ordered.back(ordered.mesh.vertices), mesh.vertices)
+    np.testing.assert_array_equal(ordered.restore_order(ordered.mesh.vertices), mesh.vertices)
     # no face is wider than two levels, each twice around the tube at most
     assert np.ptp(ordered.mesh.faces, axis=1).max() <= 4 * 2 * 30
     assert np.median(np.abs(np.diff(ordered.mesh.faces[:, 0]))) <= 1
 
 
 def test_smoothing_does_not_depend_on_the_order(monkeypatch):
-    monkeypatch.setattr(spatial_order, "LARGE", 200)
+    monkeypatch.setattr(spatial_order, "MIN_REORDER_VERTICES", 200)
     surface = torus(resolution=30)
     noise = 0.01 * np.random.default_rng(0).standard_normal((len(surface.vertices), 1))
     noisy = surface.vertices + noise * surface.normals

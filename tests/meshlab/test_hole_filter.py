@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pymeshlab
 import pytest
-from conftest import furnished_bunny
+from conftest import full_bunny
 from meshset_state import attributes, changed, frozen, layer_state, mesh_state
 
 from bezier_filters.errors import CancelledError
@@ -39,7 +39,7 @@ def filled(textured_bunny_file):
     before, after = pymeshlab.MeshSet(), pymeshlab.MeshSet()
     for ms in (before, after):
         ms.load_new_mesh(str(textured_bunny_file))
-        with_columns(furnished_bunny(ms))
+        with_columns(full_bunny(ms))
     assert changed(mesh_state(before), mesh_state(after)) == set()
     return before, after, meshing_close_holes_by_bezier_patch(after)
 
@@ -392,7 +392,7 @@ class TestRepair:
         assert without["closed_holes"] == 0
         assert report["closed_holes"] == len(report["holes"]) == 1
         assert report["repaired"] == {
-            "welded_vertices": len(shared), "split_vertices": 0, "removed_faces": 0, "turned_faces": 0
+            "weld_vertices": len(shared), "split_vertices": 0, "removed_faces": 0, "turned_faces": 0
         }  # fmt: skip
         assert report["topology_after"]["boundary_edges"] == 0
         assert ms.get_topological_measures()["genus"] == 1

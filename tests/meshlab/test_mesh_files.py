@@ -12,7 +12,7 @@ from meshset_state import changed, mesh_state
 
 import bezier_filters as bf
 from bezier_filters.files.field_files import read_fields
-from bezier_filters.meshlab.mesh_files import SAVE_SUFFIXES, WITH_FIELDS, load_mesh, save_mesh
+from bezier_filters.meshlab.mesh_files import FIELD_SUFFIX, SAVE_SUFFIXES, load_mesh, save_mesh
 from bezier_filters.meshlab.meshset import BezierFilterError
 from bezier_filters.meshlab.vertex_filters import (
     compute_curvature_by_bezier_patch_per_vertex,
@@ -233,7 +233,7 @@ def test_only_ply_holds_quality_and_columns(tmp_path, result):
     for suffix in SAVE_SUFFIXES:
         path = tmp_path / f"out{suffix.upper()}"
         save_mesh(result, path)
-        if suffix == WITH_FIELDS:
+        if suffix == FIELD_SUFFIX:
             assert {"quality", "bz_k_min"} < set(read_fields(path))
         elif suffix != ".dxf":  # which pymeshlab cannot read
             back = load_mesh(path)  # a mesh lives only as long as its MeshSet
@@ -243,7 +243,7 @@ def test_only_ply_holds_quality_and_columns(tmp_path, result):
 def test_a_gltf_file_without_a_mesh_is_refused(tmp_path):
     path = tmp_path / "empty.gltf"
     path.write_text(json.dumps({"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": []}]}), encoding="utf-8")
-    with pytest.raises(BezierFilterError, match="there are no vertices in it"):
+    with pytest.raises(BezierFilterError, match="it has no vertices"):
         load_mesh(path)
 
 

@@ -12,14 +12,14 @@ from bezier_filters.meshlab.mesh_attributes import (
     check_writable,
     custom_attribute,
     read_columns,
-    restored_on_failure,
+    restore_on_failure,
     write_columns,
     write_coordinates,
 )
 from bezier_filters.meshlab.mesh_colors import COLOR_MAP_NAMES, color_by_quality
 from bezier_filters.meshlab.meshset import (
     BezierFilterError,
-    preserved_filter_script,
+    preserve_filter_script,
     read_current_mesh,
 )
 
@@ -101,7 +101,7 @@ class TestColumns:
         names = [f"bz_{k}" for k in range(count)]
         write_columns(ms, {name: np.arange(8.0) for name in names})
         before = mesh_state(ms)
-        with preserved_filter_script(ms):
+        with preserve_filter_script(ms):
             write_columns(ms, {name: AWKWARD / (k + 1) for k, name in enumerate(names)})
         for k, name in enumerate(names):
             assert bits(custom_attribute(ms.current_mesh(), name)) == bits(AWKWARD / (k + 1))
@@ -141,7 +141,7 @@ class TestColumns:
 
         def run(times):
             for k in range(times):
-                with preserved_filter_script(ms):
+                with preserve_filter_script(ms):
                     write_columns(ms, {"bz_a": values + k, "bz_b": values - k})
 
         run(10)
@@ -215,7 +215,7 @@ class TestRestoring:
         before = mesh_state(ms)
 
         def fail_half_way():
-            with preserved_filter_script(ms), restored_on_failure(ms, ["bz_a", "bz_b"]):
+            with preserve_filter_script(ms), restore_on_failure(ms, ["bz_a", "bz_b"]):
                 write_columns(ms, {"bz_a": np.ones(8)})
                 ms.compute_scalar_by_function_per_vertex(q="5")
                 ms.compute_normal_by_function_per_vertex(x="1", y="2", z="q")
@@ -230,7 +230,7 @@ class TestRestoring:
     def test_without_failure_nothing_is_put_back(self):
         ms = cube()
         write_columns(ms, {"bz_a": AWKWARD})
-        with restored_on_failure(ms, ["bz_a"]):
+        with restore_on_failure(ms, ["bz_a"]):
             write_columns(ms, {"bz_a": np.ones(8)})
         assert (custom_attribute(ms.current_mesh(), "bz_a") == 1.0).all()
 
@@ -240,7 +240,7 @@ class TestFilterScript:
         ms = cube()
         ms.clear_filter_script()
         before = filter_script(ms)
-        with preserved_filter_script(ms):
+        with preserve_filter_script(ms):
             ms.compute_scalar_by_function_per_vertex(q="x")
         assert filter_script(ms) == before
 
@@ -250,7 +250,7 @@ class TestFilterScript:
         assert "Per Vertex Quality Function" in before
 
         def fail():
-            with preserved_filter_script(ms):
+            with preserve_filter_script(ms):
                 ms.apply_coord_laplacian_smoothing(stepsmoothnum=1)
                 raise KeyError("any")
 
@@ -261,7 +261,7 @@ class TestFilterScript:
 
     def test_stderr_works_afterwards(self, capfd):
         ms = cube()
-        with preserved_filter_script(ms):
+        with preserve_filter_script(ms):
             pass
         sys.stderr.write("still there")
         sys.stderr.flush()
@@ -269,9 +269,9 @@ class TestFilterScript:
 
     def test_a_closed_stderr_does_no_harm(self):
         code = (
-            "import os, pymeshlab; from bezier_filters.meshlab.meshset import preserved_filter_script\n"
+            "import os, pymeshlab; from bezier_filters.meshlab.meshset import preserve_filter_script\n"
             "ms = pymeshlab.MeshSet(); ms.create_cube(); os.close(2)\n"
-            "with preserved_filter_script(ms): ms.create_sphere()\n"
+            "with preserve_filter_script(ms): ms.create_sphere()\n"
             "print(ms.mesh_number())"
         )
         result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -293,7 +293,7 @@ class TestColors:
     def test_only_colours_change(self, name):
         ms = cube()
         before = mesh_state(ms)
-        with preserved_filter_script(ms):
+        with preserve_filter_script(ms):
             color_by_quality(ms, -1.0, 1.0, name)
         assert changed(before, mesh_state(ms)) == {"1: vertex_color_matrix", "1: has_vertex_color"}
 

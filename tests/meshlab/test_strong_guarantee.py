@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pymeshlab
 import pytest
-from furnished import furnished
+from full_meshset import full_meshset
 from meshset_state import changed, mesh_state
 
 from bezier_filters.errors import CancelledError
@@ -33,14 +33,14 @@ class Stop(Exception):
 def calls_of_progress(function):
     """How often a filter calls back; with several threads that depends on which one does what."""
     calls = []
-    function(furnished(), threads=1, progress=lambda *state: calls.append(state))
+    function(full_meshset(), threads=1, progress=lambda *state: calls.append(state))
     return len(calls)
 
 
 @pytest.mark.parametrize("before", [0, 1], ids=["first run", "second run"])
 @pytest.mark.parametrize("function", FILTERS)
 def test_stopping_at_any_callback_changes_nothing(function, before):
-    ms = furnished()
+    ms = full_meshset()
     if before and function is meshing_close_holes_by_bezier_patch:
         function(ms, maxholesize=7)  # leaves the larger holes
     elif before:
@@ -101,7 +101,7 @@ def no_vertices(ms):
     ],
 )
 def test_a_refusal_names_the_remedy_and_changes_nothing(function, spoil, options, message):
-    ms = furnished()
+    ms = full_meshset()
     if spoil is not None:
         spoil(ms)
     parameters = inspect.signature(function).parameters
@@ -116,7 +116,7 @@ def test_a_refusal_names_the_remedy_and_changes_nothing(function, spoil, options
 
 
 def written_by(function):
-    return function(furnished(), **given(function))["attributes"]
+    return function(full_meshset(), **given(function))["attributes"]
 
 
 @pytest.mark.parametrize("function", VERTEX_FILTERS)
@@ -128,7 +128,7 @@ def test_attributes_in_the_way_are_named_with_the_remedy(function):
         (lambda mesh, n: mesh.add_vertex_custom_scalar_attribute(np.zeros(n), "1st"), "1st"),
         (lambda mesh, n: mesh.add_vertex_custom_scalar_attribute(np.zeros(n), "x);system('ls"), "x"),
     ]:
-        ms = furnished(layers=1)
+        ms = full_meshset(layers=1)
         spoil(ms.current_mesh(), ms.current_mesh().vertex_number())
         known = list(ms.filter_parameter_values("ply"))
         vertices = ms.current_mesh().vertex_matrix().tobytes()
@@ -143,7 +143,7 @@ def test_attributes_in_the_way_are_named_with_the_remedy(function):
 
 @pytest.mark.parametrize("function", VERTEX_FILTERS)
 def test_strange_names_that_do_no_harm_stay_and_change_no_result(function):
-    plain, ms = furnished(), furnished()
+    plain, ms = full_meshset(), full_meshset()
     values = np.random.default_rng(2).normal(size=ms.current_mesh().vertex_number())
     names = ["x", "vi", "r", "sigma", "plof", "outlierScore"]
     for name in names:
@@ -160,7 +160,7 @@ def test_strange_names_that_do_no_harm_stay_and_change_no_result(function):
 
 @pytest.mark.parametrize("function", VERTEX_FILTERS)
 def test_face_attributes_of_our_names_are_another_matter(function):
-    ms = furnished()
+    ms = full_meshset()
     name = written_by(function)[0]
     values = np.arange(float(ms.current_mesh().face_number()))
     ms.current_mesh().add_face_custom_scalar_attribute(values, name)
@@ -178,7 +178,7 @@ def test_no_mesh_at_all(function):
 
 @pytest.mark.parametrize("function", FILTERS)
 def test_moving_the_mesh_meanwhile_is_noticed(function):
-    ms = furnished()
+    ms = full_meshset()
 
     def move(done, total):
         ms.compute_coord_by_function(x="x + 1", y="y", z="z")
@@ -190,7 +190,7 @@ def test_moving_the_mesh_meanwhile_is_noticed(function):
 
 @pytest.mark.parametrize("function", FILTERS)
 def test_other_layers_and_the_transform_stay(function):
-    plain, ms = furnished(layers=1), furnished(layers=4)
+    plain, ms = full_meshset(layers=1), full_meshset(layers=4)
     ms.compute_matrix_from_translation(axisx=5.0, freeze=False)
     before = mesh_state(ms)
     report, expected = function(ms), function(plain)
@@ -208,21 +208,21 @@ INTERRUPTED = """
 import os, signal, sys, threading, time
 import numpy as np
 sys.path.insert(0, {tests!r})
-from furnished import furnished
+from full_meshset import full_meshset
 from meshset_state import changed, mesh_state
 from bezier_filters.meshlab.scripts import FILTERS
 
 function = FILTERS[{number}]
 rng = np.random.default_rng({seed})
 signal.signal(signal.SIGINT, signal.SIG_IGN)
-done = furnished()
+done = full_meshset()
 function(done)
 begin = time.perf_counter()
-function(furnished())
+function(full_meshset())
 patience = time.perf_counter() - begin
 complete, counts = mesh_state(done), dict(untouched=0, complete=0)
 for _ in range({times}):
-    ms = furnished()
+    ms = full_meshset()
     before = mesh_state(ms)
     delay = rng.uniform(0, patience)
     timer = threading.Timer(delay, os.kill, (os.getpid(), signal.SIGINT))
@@ -245,7 +245,7 @@ print(counts)
 
 
 def interrupt(number, times, seed=0):
-    code = INTERRUPTED.format(tests=str(TESTS), number=number, times=times, seed=seed)
+    code = INTERRUPTED.format(tests=str(TESTS / "helpers"), number=number, times=times, seed=seed)
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8")
     assert result.returncode == 0, result.stderr
     return eval(result.stdout)

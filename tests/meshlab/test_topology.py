@@ -17,12 +17,12 @@ from bezier_filters.holes.hole_filling import fill_holes
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.diagnosis import inspect_mesh
 from bezier_filters.meshes.half_edges import boundary_loops, distinct_edges, proper_faces
-from bezier_filters.meshes.mesh import LARGEST, triangle_mesh
+from bezier_filters.meshes.mesh import MAX_COORDINATE, triangle_mesh
 from bezier_filters.meshlab import topology as topology_module
 from bezier_filters.meshlab.converters import mesh_arrays
 from bezier_filters.meshlab.crease_filter import compute_selection_by_bezier_crease_per_edge
 from bezier_filters.meshlab.hole_filter import meshing_close_holes_by_bezier_patch
-from bezier_filters.meshlab.topology import forget_topology, topology_of
+from bezier_filters.meshlab.topology import clear_topology_cache, topology_of
 from bezier_filters.meshlab.vertex_filters import (
     apply_coord_bezier_patch_smoothing,
     compute_curvature_by_bezier_patch_per_vertex,
@@ -85,7 +85,7 @@ def test_on_bad_meshes(name):
 
 def test_on_damaged_meshes():
     """Faces that name a vertex twice are among them, on which pymeshlab would run forever (number 240)."""
-    meshes = [mesh for mesh in map(mutated, range(230, 300)) if (np.abs(mesh[0]) < LARGEST).all()]
+    meshes = [mesh for mesh in map(mutated, range(230, 300)) if (np.abs(mesh[0]) < MAX_COORDINATE).all()]
     assert {compare(*mesh)["boundary_loops_by"] for mesh in meshes} == {"pymeshlab", "bezier_filters"}
 
 
@@ -171,7 +171,7 @@ class TestEveryFilterAsks:
         assert true["topology"]["components"] == 1
         assert true["topology"]["boundary_loops_by"] == "pymeshlab"
         assert not any("topology" in remark for remark in true["remarks"])
-        forget_topology()
+        clear_topology_cache()
         monkeypatch.setattr(topology_module, "MeshSet", FakeMeshSet)
         false = function(load(ROOT / "sample_meshes" / "punched_patch.ply"))
         assert false["topology"]["components"] == 99
@@ -193,7 +193,7 @@ class TestEveryFilterAsks:
         half = vertices[:, 0] > 0.0
         false = replace(true, on_border=true.on_border | half)
         monkeypatch.setattr(topology_module, "_ask_for_topology", lambda *_: false)
-        forget_topology()
+        clear_topology_cache()
         assert moved[half].any()
         assert not moved_at_border()[half].any()
 
@@ -201,7 +201,7 @@ class TestEveryFilterAsks:
         true = topology_of(*mesh_arrays(ROOT / "sample_meshes" / "torus.ply"))
         some = np.arange(len(true.on_border)) % 3 == 0
         monkeypatch.setattr(topology_module, "_ask_for_topology", lambda *_: replace(true, not_manifold=some))
-        forget_topology()
+        clear_topology_cache()
         ms = load(ROOT / "sample_meshes" / "torus.ply")
         before = ms.current_mesh().vertex_matrix()
         apply_coord_bezier_patch_smoothing(ms, method="paper")

@@ -21,14 +21,14 @@ from bezier_filters.meshlab.scripts import FILTERS
 from bezier_filters.pictures import demo
 from bezier_filters.pictures.field_panels import (
     DIRECTIONS,
-    SPACING,
+    LINE_SPACING,
+    add_directions,
     are_significant,
     check_field,
     crease_panel,
     field_limits,
     field_panels,
     read_mesh_file,
-    with_directions,
 )
 from bezier_filters.pictures.render import legend
 from bezier_filters.pictures.scene import draw, view_axes, view_of
@@ -293,7 +293,7 @@ class TestDirections:
         assert run(tmp_path, "curvature", SAMPLES / "torus.ply", "c.ply").exit_code == 0
         file = read_mesh_file(tmp_path / "c.ply")
         (panel,) = field_panels([file], "shape", "auto", 2.0)
-        lines = with_directions(panel, file).lines
+        lines = add_directions(panel, file).lines
         diagonal = np.linalg.norm(np.ptp(file.vertices, axis=0))
         for (_, color), along_tube in zip(DIRECTIONS, (False, True), strict=True):
             ends = np.array([line for line, other in lines if other == color])
@@ -304,8 +304,8 @@ class TestDirections:
             sides = np.abs(np.einsum("ij,ij->i", direction, circle))
             assert np.median(np.abs(sides - along_tube)) < 0.1
             distance, _ = cKDTree(middle).query(middle, k=2)
-            assert distance[:, 1].min() > 0.99 * SPACING * diagonal
-            assert cKDTree(middle).query(file.vertices)[0].max() < 1.5 * SPACING * diagonal
+            assert distance[:, 1].min() > 0.99 * LINE_SPACING * diagonal
+            assert cKDTree(middle).query(file.vertices)[0].max() < 1.5 * LINE_SPACING * diagonal
 
     def test_noise_on_a_sphere_makes_none(self):
         ball = sphere(resolution=24)

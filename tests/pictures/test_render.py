@@ -15,7 +15,7 @@ from matplotlib.image import imread
 from bezier_filters.display import PALETTES, color_range, round_limits
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
 from bezier_filters.pictures import scene
-from bezier_filters.pictures.render import clipped, render_panels, ticks
+from bezier_filters.pictures.render import find_clipping, render_panels, ticks
 from bezier_filters.pictures.scene import UP_AXES, VIEW_NAMES, Panel
 
 NO_FACES = np.zeros((0, 3), np.int32)
@@ -176,7 +176,7 @@ def test_backs_of_faces_have_a_colour_of_their_own(flip: bool) -> None:
 def test_every_colour_is_faithful_whichever_way_the_faces_turn(colormap: str, flip: bool) -> None:
     vertices, faces = plane()
     image = draw(Panel(vertices, faces[:, ::-1] if flip else faces, vertices[:, 0], colormap=colormap, limits=(-1, 1)))
-    row = image[len(image) // 2, scene.MARGIN : -scene.MARGIN]
+    row = image[len(image) // 2, scene.MARGIN_PIXELS : -scene.MARGIN_PIXELS]
     places = (np.arange(len(row)) + 0.5) / len(row)
     np.testing.assert_allclose(row, matplotlib.colormaps[colormap](places)[:, :3], rtol=0, atol=0.02)
 
@@ -205,7 +205,7 @@ def test_a_view_shows_its_side_of_the_mesh(up: str, view: str, side: str) -> Non
     expected = np.eye(3)["xyz".index(side[1])] * (1.0 if side[0] == "+" else 0.5)
     np.testing.assert_allclose(image[len(image) // 2, image.shape[1] // 2], expected, atol=0.02)
     extent = 50 * np.abs(scene.view_axes(view, up) @ np.array([2.0, 3.0, 2.5]))
-    assert image.shape[:2] == (round(extent[1]) + 2 * scene.MARGIN, round(extent[0]) + 2 * scene.MARGIN)
+    assert image.shape[:2] == (round(extent[1]) + 2 * scene.MARGIN_PIXELS, round(extent[0]) + 2 * scene.MARGIN_PIXELS)
 
 
 def test_the_up_axis_follows_the_shape() -> None:
@@ -322,7 +322,7 @@ def test_a_single_panel_has_its_views_side_by_side(tmp_path: Path) -> None:
 def test_arrows_show_that_values_are_clipped() -> None:
     vertices, faces = plane()
     for limits, expected in (((-1, 1), (False, False)), ((-0.5, 2), (True, False)), ((-0.5, 0.5), (True, True))):
-        assert clipped(Panel(vertices, faces, vertices[:, 0], limits=limits)) == expected
+        assert find_clipping(Panel(vertices, faces, vertices[:, 0], limits=limits)) == expected
 
 
 @pytest.mark.parametrize("background", ["white", "#202020"])

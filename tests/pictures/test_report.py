@@ -18,7 +18,7 @@ from matplotlib.image import imread
 from bezier_filters import Panel, estimate_vertex_geometry, fill_holes, show, smooth
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.meshlab.meshset import read_current_mesh
-from bezier_filters.pictures.page import page_of, reduced, report_page
+from bezier_filters.pictures.page import decimate, page_of, report_page
 from bezier_filters.pictures.scene import draw, up_axis, view_axes, view_of
 from bezier_filters.surfaces import bumpy_star, cylinder, sphere, torus
 
@@ -141,9 +141,9 @@ def test_large_meshes_are_reduced_and_that_is_said():
     made = report_page("star", read_current_mesh(ms), [], [], most_faces=2000)
     assert made.notes[0].startswith(f"Drawn with 2,000 of {len(star.faces):,} faces")
     vertices, faces = pymeshlab_sample("bunny.obj")
-    _, _, rows = reduced(vertices, faces[:0], 5000)
+    _, _, rows = decimate(vertices, faces[:0], 5000)
     assert 2500 < len(rows) <= 5000
-    points, triangles, rows = reduced(vertices, faces, 5000)
+    points, triangles, rows = decimate(vertices, faces, 5000)
     assert len(triangles) == 5000
     assert np.linalg.norm(points - vertices[rows], axis=1).max() < 0.02 * np.linalg.norm(np.ptp(vertices, axis=0))
 

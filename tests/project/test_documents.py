@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 
 import pymeshlab
@@ -21,9 +22,9 @@ ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), *sorted((ROOT / "docs" / "filters").glob("*.md"))]
 EVERY_PAGE = [
     *PAGES,
-    *sorted((ROOT / "docs" / "mathematics").glob("*.md")),
     ROOT / "CONTRIBUTING.md",
     *sorted((ROOT / "docs" / "decisions").glob("*.md")),
+    *sorted((ROOT / "docs" / "mathematics").glob("*.md")),
     *ROOT.glob("*/README.md"),
 ]
 PYTHON = re.compile(r"```python\n(.*?)```", re.DOTALL)
@@ -185,3 +186,59 @@ def test_every_public_name_has_a_reference():
     pages = "\n".join(page.read_text(encoding="utf-8") for page in (ROOT / "docs").rglob("*.md"))
     described = {name.rpartition(".")[2] for name in re.findall(r"^::: ([\w.]+)", pages, re.MULTILINE)}
     assert set(re.findall(r" as (\w+)", stub)) - described == {"__version__"}
+
+
+# --- mathematics ----------------------------------------------------------------------------------
+
+MATHEMATICS = sorted((ROOT / "docs" / "mathematics").glob("*.md"))
+NAMED = re.compile(r"`((?:\w+\.)+\w+)`(?: = (-?[\d.]+(?:e-?\d+)?))?")
+
+
+@cache
+def module_of(path):
+    """The module with the last parts of this path, as `fit_spec` or `surface_model.learn`; there must be only one."""
+    files = (ROOT / "bezier_filters").rglob("/".join(path.split(".")) + ".py")
+    names = [".".join(file.relative_to(ROOT).with_suffix("").parts) for file in files]
+    assert len(names) == 1, f"{path}: {names or 'no such module'}"
+    return import_module(names[0])
+
+
+def named(text):
+    """What a page names by module and name: a function, a constant, a class or one of its fields."""
+    module, _, name = text.rpartition(".")
+    owner = None
+    if module.rpartition(".")[2][0].isupper():
+        module, _, owner = module.rpartition(".")
+    there = module_of(module)
+    if owner is None:
+        return getattr(there, name)
+    cls = getattr(there, owner)
+    fields = {field for base in cls.__mro__ for field in getattr(base, "__annotations__", {})}
+    assert name in fields or hasattr(cls, name), f"{owner} has no {name}"
+    return cls
+
+
+def names_of_mathematics():
+    for page in MATHEMATICS:
+        found = {match.groups() for match in NAMED.finditer(page.read_text(encoding="utf-8")) if match[1][:3] != "bf."}
+        yield from (pytest.param(*one, id=f"{page.stem}-{one[0]}") for one in sorted(found, key=str))
+
+
+@pytest.mark.parametrize(("text", "value"), list(names_of_mathematics()))
+def test_mathematics_names_what_the_code_has(text, value):
+    """With the value of constants."""
+    what = named(text)
+    if value is not None:
+        assert float(value) == pytest.approx(what, rel=1e-12)
+
+
+@pytest.mark.parametrize("page", MATHEMATICS, ids=lambda page: page.stem)
+def test_mathematics_names_the_code_and_shows_figures(page):
+    """Constants are given with their values, so that the test above can compare them."""
+    text = page.read_text(encoding="utf-8")
+    assert len(NAMED.findall(text)) >= 30
+    assert any(value for _, value in NAMED.findall(text))
+    pictures = re.findall(r"!\[[^\]]+\]\(\.\./images/(mathematics_\w+)\.png\)", text)
+    assert len(pictures) >= 2
+    script = (ROOT / "docs" / "images" / "mathematics.py").read_text(encoding="utf-8")
+    assert all(f"def draw_{name.removeprefix('mathematics_')}(" in script for name in pictures)

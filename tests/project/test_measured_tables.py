@@ -25,7 +25,7 @@ import strongest_peer
 import sub_holes
 import uneven_shape
 from bezier_filters import estimate_vertex_geometry, fill_holes, smooth, surfaces
-from bezier_filters.meshlab.meshset import shipped_bunny
+from bezier_filters.meshlab.meshset import bunny_path
 from cut_holes import compact, cut
 
 ROOT = Path(__file__).parents[2]
@@ -228,7 +228,7 @@ def test_red_blood_cell(method, tolerance):
 @pytest.mark.parametrize(("method", "deleted", "tolerance"), [("paper", 90, GIVEN), ("automatic", 90, LEARNED)])
 def test_deleted_vertices(method, deleted, tolerance):
     methods = {method: reduction.methods(slow=False)[method]}
-    ((_, _, _, *found),) = reduction.measured(*reduction.model(shipped_bunny()), methods, (deleted,), (0.0,), 0)
+    ((_, _, _, *found),) = reduction.measured(*reduction.model(bunny_path()), methods, (deleted,), (0.0,), 0)
     row = kept("reduction.csv", noise=0.0, deleted_percent=deleted, method=method)
     assert_kept(row, dict(zip(list(row)[3:], found, strict=True)), tolerance)
 

@@ -15,7 +15,7 @@ from bezier_filters.fields import ESTIMATES, FIELDS, columns, qualities
 from bezier_filters.fitting.vertex_geometry import empty_geometry
 from bezier_filters.meshlab.meshset import PercentageValue, PureValue
 from bezier_filters.meshlab.scripts import FILTERS
-from bezier_filters.parameters import LENGTH, PARAMETERS, QUALITY_OF
+from bezier_filters.parameters import LENGTH_TYPE, PARAMETERS, QUALITY_OF
 
 ROOT = Path(__file__).parents[2]
 COMMANDS = {
@@ -34,7 +34,7 @@ KINDS = {
     "str": str,
     "(float, float)": tuple[float, float],
     "(float, float, float)": tuple[float, float, float],
-    LENGTH: PercentageValue | PureValue | float,
+    LENGTH_TYPE: PercentageValue | PureValue | float,
 }
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-FOLDERS = [str(Path(__file__).parents[k]) for k in (1, 2)]
+FOLDERS = [str(Path(__file__).parents[1] / "helpers"), str(Path(__file__).parents[2])]
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork")
 
 LIMITS = """
@@ -82,14 +82,14 @@ for holds, needs in [(lambda: Slow().value, lambda: Slow().value), (limit, limit
 FILTERS = """
 import faulthandler, os, sys, threading, time
 sys.path[:0] = {folders!r}
-from furnished import furnished, punched_torus
+from full_meshset import full_meshset, punched_torus
 from bezier_filters import fill_holes
 from bezier_filters.meshlab.scripts import FILTERS
 def work(ms):
     fill_holes(*punched_torus(12), threads=2)
     for rings in (2, 3):
         FILTERS[3](ms, rings=rings, alpha=0.8, threads=1)
-meshsets = [furnished() for _ in range(3)]  # which pymeshlab itself cannot make in several threads
+meshsets = [full_meshset() for _ in range(3)]  # which pymeshlab itself cannot make in several threads
 work(meshsets[0])
 stop = threading.Event()
 def run(ms):

@@ -9,7 +9,7 @@ from scale_cases import clean, pipe, save_arrays, shuffled
 from bezier_filters import k_rings
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import triangle_mesh
-from bezier_filters.meshes.spatial_order import in_spatial_order
+from bezier_filters.meshes.spatial_order import sort_spatially
 from bezier_filters.scale.halo import part_around, part_around_samples
 from bezier_filters.scale.source import open_source
 from bezier_filters.scale.store import build_store
@@ -18,7 +18,7 @@ from bezier_filters.scale.store import build_store
 def stored(folder, vertices, faces, tile=256):
     """A store with a mesh, and the mesh in the order of the store."""
     store = build_store(open_source(save_arrays(folder, vertices, faces)), folder, tile)
-    return store, in_spatial_order(triangle_mesh(vertices, faces)).mesh
+    return store, sort_spatially(triangle_mesh(vertices, faces)).mesh
 
 
 def assert_is_part(part, mesh, seeds, rings):

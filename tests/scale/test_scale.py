@@ -10,7 +10,7 @@ from bezier_filters import InvalidParameterError, estimate_vertex_geometry, read
 from bezier_filters.fields import ESTIMATES
 from bezier_filters.fields import columns as columns_of
 from bezier_filters.meshes.mesh import triangle_mesh
-from bezier_filters.meshes.spatial_order import in_spatial_order
+from bezier_filters.meshes.spatial_order import sort_spatially
 from bezier_filters.scale import FitOptions, estimate_file, smooth_file
 from bezier_filters.scale.halo import part_around
 from bezier_filters.scale.source import open_source
@@ -152,7 +152,7 @@ def test_the_store_has_the_order_of_meshes_in_memory(seed, tile, tmp_path_factor
     faces = rng.integers(0, len(vertices), (int(rng.integers(1, 4000)), 3))
     folder = tmp_path_factory.mktemp("store")
     store = build_store(open_source(save_arrays(folder, vertices, faces)), folder, tile)
-    ordered = in_spatial_order(triangle_mesh(vertices, faces))
+    ordered = sort_spatially(triangle_mesh(vertices, faces))
     assert np.array_equal(store.coordinates(0, len(vertices)), ordered.mesh.vertices)
     assert np.array_equal(store.rank.read(0, len(vertices))[ordered.order], np.arange(len(vertices)))
     assert np.array_equal(store.order.read(0, len(vertices)), ordered.order)

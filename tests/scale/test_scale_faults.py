@@ -17,7 +17,7 @@ from scale_cases import assert_same_as_in_memory, clean, noisy, save_arrays
 from bezier_filters.errors import CancelledError, FieldFileError, InvalidParameterError
 from bezier_filters.scale import FitOptions, estimate_file, smooth_file
 from bezier_filters.scale.run import check_room
-from bezier_filters.scale.scheduling import LostTaskError, run_tasks, running
+from bezier_filters.scale.scheduling import LostTaskError, run_tasks, start_workers
 from bezier_filters.scale.source import open_source
 from bezier_filters.scale.tiles import DamagedTileError, TileReport, open_tile, report_path, tile_path, write_tile
 from bezier_filters.surfaces import bumpy_star
@@ -134,7 +134,7 @@ def test_a_store_of_another_mesh_is_refused(files, tmp_path):
     np.save(files[0], noisy()[0])
     with pytest.raises(FieldFileError, match="changed since"):
         estimate_file(files, tmp_path / "out.ply", resume=True, **OPTIONS, **given)
-    with pytest.raises(InvalidParameterError, match="resume to go on with it, or remove it"):
+    with pytest.raises(InvalidParameterError, match="resume the run, or remove the folder"):
         estimate_file(files, tmp_path / "out.ply", **OPTIONS, **given)
 
 
@@ -252,7 +252,10 @@ def test_a_task_that_ends_its_workers_is_named(where):
             os._exit(status)
         return task
 
-    with running(where, workers=2, memory_limit=None) as cluster, pytest.raises(LostTaskError, match=r"task 5|5, 6"):
+    with (
+        start_workers(where, workers=2, memory_limit=None) as cluster,
+        pytest.raises(LostTaskError, match=r"task 5|5, 6"),
+    ):
         list(run_tasks(cluster.ready(), partial(end, 1), range(8), workers=2))
 
 

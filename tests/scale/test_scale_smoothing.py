@@ -21,7 +21,7 @@ from bezier_filters.errors import CancelledError
 from bezier_filters.meshes.adjacency import incoherent_vertices, vertex_adjacency
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.scale import FitOptions, learn, smooth_file
-from bezier_filters.scale.components import labelled_vertices, unite_components
+from bezier_filters.scale.components import label_vertices, merge_components
 from bezier_filters.scale.halo import tile_part
 from bezier_filters.scale.learn import sample_store_parts
 from bezier_filters.scale.source import open_source
@@ -221,9 +221,9 @@ def test_closed_components_are_those_in_memory(seed, tile, tmp_path_factory):
         part = tile_part(store, k, 1)
         adjacency = vertex_adjacency(part.mesh)
         assert not incoherent_vertices(part.mesh.faces, adjacency)[part.own].any()
-        write_tile(folder, TileReport(k, len(part.ids), {}), labelled_vertices(part, adjacency))
+        write_tile(folder, TileReport(k, len(part.ids), {}), label_vertices(part, adjacency))
         tiles.append(open_tile(folder, k))
-    found, expected = unite_components(store, tiles), ClosedComponents.locate(mesh, vertex_adjacency(mesh))
+    found, expected = merge_components(store, tiles), ClosedComponents.locate(mesh, vertex_adjacency(mesh))
     if not expected.count:
         assert found is None
         return
@@ -233,7 +233,7 @@ def test_closed_components_are_those_in_memory(seed, tile, tmp_path_factory):
     pairs = np.unique(np.column_stack([numbers, expected.of_vertex]), axis=0)
     assert len(pairs) == expected.count + (numbers < 0).any()  # the same, in another order
     ids = np.arange(len(vertices), dtype=np.int32)
-    local, there = found.at(ids[100:300])
+    local, there = found.select(ids[100:300])
     assert np.array_equal(np.append(there, -1)[local.of_vertex], found.of_vertex.read(100, 300))
     assert all((store.coordinates(0, len(vertices)) == origin).all(axis=1).any() for origin in local.origins)
 
@@ -252,7 +252,7 @@ def test_sampled_parts_are_those_in_memory(size, shape, tmp_path, monkeypatch):
     monkeypatch.setattr(mesh_parts, "MAX_WHOLE_VERTICES", MAX_WHOLE_VERTICES * size // PART_VERTICES)
     for module in (mesh_parts, learn):
         monkeypatch.setattr(module, "PART_VERTICES", size)
-    monkeypatch.setattr(learn, "FIRST_RINGS", 64 if size == PART_VERTICES else 6)
+    monkeypatch.setattr(learn, "INITIAL_RINGS", 64 if size == PART_VERTICES else 6)
     assert mesh.vertex_count > MAX_WHOLE_VERTICES * size // PART_VERTICES
     store = build_store(
         open_source(save_arrays(tmp_path, mesh.vertices, mesh.faces)), tmp_path, 8192 * size // PART_VERTICES

@@ -6,7 +6,7 @@ from numba import config
 from random_neighbourhoods import analyse_ring, as_sample, draw, variances_by_degree
 
 from bezier_filters import estimate_vertex_geometry, load_mesh
-from bezier_filters.meshlab.meshset import shipped_bunny
+from bezier_filters.meshlab.meshset import bunny_path
 from bezier_filters.patches.harmonics import harmonic_basis
 from bezier_filters.surface_model.fit_spec import FitConstraints, FitSpec
 from bezier_filters.surface_model.model import SurfaceModel
@@ -156,7 +156,7 @@ def test_the_parts_do_not_depend_on_what_is_selected():
 @pytest.mark.parametrize(("deleted", "turned", "moved"), [(10, 1.0, 0.08), (30, 1.5, 0.13)])
 def test_a_scan_with_detail_as_long_as_its_noise_keeps_its_fit(deleted, turned, moved):
     """Otherwise a few vertices less turn normals by degrees, and move H by a fifth."""
-    ms = load_mesh(shipped_bunny())
+    ms = load_mesh(bunny_path())
     vertices, faces = ms.current_mesh().vertex_matrix(), ms.current_mesh().face_matrix()
     used = np.unique(faces)
     vertices, faces = vertices[used], np.searchsorted(used, faces).astype(np.int32)

@@ -6,12 +6,12 @@ import os
 import sys
 
 import numpy as np
-from furnished import furnished, punched_torus
+from full_meshset import full_meshset, punched_torus
 from test_load import FUNCTIONS, digest_of, result_of
 
 from bezier_filters.meshlab.hole_filter import meshing_close_holes_by_bezier_patch
 from bezier_filters.meshlab.mesh_attributes import write_coordinates
-from bezier_filters.meshlab.meshset import preserved_filter_script
+from bezier_filters.meshlab.meshset import preserve_filter_script
 from bezier_filters.meshlab.scripts import FILTERS
 
 WARM_UP, REPETITIONS = 100, 1000
@@ -40,7 +40,7 @@ def all_filters(ms, rough):
             ms.delete_current_mesh()
             ms.set_current_mesh(main)
     state = digest_of(ms)
-    with preserved_filter_script(ms):
+    with preserve_filter_script(ms):
         write_coordinates(ms, rough)
     return state
 
@@ -58,7 +58,7 @@ if __name__ == "__main__":
     if sys.argv[1] == "functions":
         print(*repeat(all_functions))
     else:
-        mesh_set = furnished(*punched_torus())
+        mesh_set = full_meshset(*punched_torus())
         meshing_close_holes_by_bezier_patch(mesh_set)
         coordinates = np.array(mesh_set.current_mesh().vertex_matrix())
         print(*repeat(lambda: all_filters(mesh_set, coordinates)))

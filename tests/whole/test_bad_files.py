@@ -11,7 +11,7 @@ import numpy as np
 import pymeshlab
 import pytest
 from file_mutations import mutated_file, sound_files
-from furnished import furnished, punched_torus
+from full_meshset import full_meshset, punched_torus
 from misleading_files import NOTICED, REFUSED, misleading_file
 
 import bezier_filters
@@ -67,7 +67,7 @@ FILES = {
         hostile(3, 1)[:-100] + bytes(36) + b"\3" + bytes(8) + b"\xff" * 4,
         "has no vertex -1, which its face 0 names",
     ),
-    "no_vertices.ply": (hostile(0, 0)[:-100], "there are no vertices in it"),
+    "no_vertices.ply": (hostile(0, 0)[:-100], "it has no vertices"),
 }
 
 
@@ -140,7 +140,7 @@ def test_names_of_files_are_names_and_nothing_else(name, run, tmp_path):
 FULL = """
 import os, resource, signal, sys
 sys.path.insert(0, {tests!r})
-from furnished import punched_torus
+from full_meshset import punched_torus
 from bezier_filters.meshlab.mesh_files import save_mesh
 from bezier_filters.meshlab.meshset import BezierFilterError, Mesh, MeshSet
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
@@ -169,7 +169,7 @@ def test_a_full_disk_never_leaves_a_file_cut_short(tmp_path):
     """A limit to the size of files is what a full disk is to a writer; pymeshlab often takes no notice."""
     # The library behind 3MF ends the process when it cannot write; see the next test.
     suffixes = [suffix for suffix in SAVE_SUFFIXES if suffix != ".3mf"]
-    code = FULL.format(tests=str(Path(__file__).parents[1]), folder=str(tmp_path), suffixes=suffixes)
+    code = FULL.format(tests=str(Path(__file__).parents[1] / "helpers"), folder=str(tmp_path), suffixes=suffixes)
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8")
     assert result.returncode == 0, result.stderr
     assert result.stdout == ""
@@ -198,10 +198,10 @@ def test_an_output_survives_a_kill_in_the_middle(tmp_path):
     code = f"""
 import sys
 import warnings
-sys.path.insert(0, {str(Path(__file__).parents[1])!r})
-from furnished import furnished, punched_torus
+sys.path.insert(0, {str(Path(__file__).parents[1] / "helpers")!r})
+from full_meshset import full_meshset, punched_torus
 from bezier_filters.meshlab.mesh_files import save_mesh
-small, large = furnished(*punched_torus(8)), furnished(*punched_torus(24))
+small, large = full_meshset(*punched_torus(8)), full_meshset(*punched_torus(24))
 print("ready", flush=True)
 while True:
     save_mesh(small, "out.ply")
@@ -348,12 +348,12 @@ def test_the_package_neither_evaluates_nor_unpickles_nor_calls_a_shell():
 def test_a_mesh_that_a_format_cannot_hold_is_refused(tmp_path):
     """Texture coordinates without a texture, in COLLADA."""
     with pytest.raises(BezierFilterError, match=r"cannot write this mesh as \.dae .*; write a PLY file"):
-        save_mesh(furnished(), tmp_path / "out.dae")
+        save_mesh(full_meshset(), tmp_path / "out.dae")
     assert not os.listdir(tmp_path)
 
 
 def test_saving_a_mesh_with_everything_loses_nothing_that_the_format_holds(tmp_path):
-    ms = furnished()
+    ms = full_meshset()
     FILTERS[3](ms)
     save_mesh(ms, tmp_path / "out.ply")
     back = load_mesh(tmp_path / "out.ply")

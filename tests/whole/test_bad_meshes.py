@@ -5,8 +5,8 @@ import pytest
 from bad_meshes import MAKERS
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from invariants import CHECKS, check_refusal
 from mesh_mutations import mutated, spoil_rows
-from survival import CHECKS, check_refusal
 
 from bezier_filters import estimate_vertex_geometry
 

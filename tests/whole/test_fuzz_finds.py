@@ -5,8 +5,8 @@ import sys
 from pathlib import Path
 
 import pytest
+from invariants import CHECKS
 from mesh_mutations import mutated
-from survival import CHECKS
 
 # Named after what was wrong, of the mesh, the package or the check.
 MESHES = {

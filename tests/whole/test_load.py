@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from furnished import furnished, punched_torus
+from full_meshset import full_meshset, punched_torus
 from meshset_state import mesh_state
 
 from baselines import ouyang_feng_normals
@@ -49,7 +49,7 @@ def digest_of(ms):
 
 
 def meshset_after(number, resolution=12):
-    ms = furnished(*punched_torus(resolution))
+    ms = full_meshset(*punched_torus(resolution))
     FILTERS[number](ms, threads=1)
     return digest_of(ms)
 
@@ -80,14 +80,15 @@ def test_many_mesh_sets_in_two_threads():
     """The MeshSets are made and looked at in one thread: pymeshlab itself cannot do that in two."""
     numbers = [*range(len(FILTERS))] * 2
     alone = [meshset_after(number) for number in numbers]
-    meshsets = [furnished(*punched_torus()) for _ in numbers]
+    meshsets = [full_meshset(*punched_torus()) for _ in numbers]
     with ThreadPoolExecutor(2) as pool:
         tasks = [pool.submit(FILTERS[number], ms, threads=1) for number, ms in zip(numbers, meshsets, strict=True)]
         assert all(task.result() for task in tasks)
     assert [digest_of(ms) for ms in meshsets] == alone
 
 
-FOLDERS = [str(Path(__file__).parents[k]) for k in (0, 1)] + [str(Path(__file__).parents[2] / "benchmarks")]
+ROOT = Path(__file__).parents[2]
+FOLDERS = [str(ROOT / folder) for folder in ("tests/whole", "tests", "tests/helpers", "benchmarks")]
 """Of this module, and of what all tests share."""
 POOL = """
 import multiprocessing, sys
@@ -174,7 +175,7 @@ KEPT = """
 import sys
 import pymeshlab
 sys.path[:0] = {folders!r}
-from furnished import punched_torus
+from full_meshset import punched_torus
 from repetitions import FILTERS, resident_memory
 vertices, faces = punched_torus(24)
 def new():

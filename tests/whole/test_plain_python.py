@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
-from furnished import punched_torus
+from full_meshset import punched_torus
 from numba import config
 from scale_cases import save_arrays
 
@@ -111,7 +111,9 @@ def others(tmp_path_factory):
     target = tmp_path_factory.mktemp("others") / "arrays"
     code = f"import pickle, test_plain_python as t; pickle.dump(t.everything(), open({str(target)!r}, 'wb'))"
     tests, root = Path(__file__).parents[1:3]
-    folders = os.pathsep.join(str(folder) for folder in (tests / "whole", tests, root / "benchmarks"))
+    folders = os.pathsep.join(
+        str(folder) for folder in (tests / "whole", tests, tests / "helpers", root / "benchmarks")
+    )
     without = "0" if config.DISABLE_JIT else "1"
     environment = os.environ | {"NUMBA_DISABLE_JIT": without, "PYTHONWARNINGS": "ignore", "PYTHONPATH": folders}
     subprocess.run([sys.executable, "-c", code], check=True, env=environment)

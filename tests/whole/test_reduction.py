@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numba import config
 
-from bezier_filters.meshlab.meshset import shipped_bunny
+from bezier_filters.meshlab.meshset import bunny_path
 from reduction import measured, methods, model
 
 pytestmark = pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")
@@ -16,7 +16,7 @@ def ratios(percentages, seed):
     """Deviations of normal and H of the automatic choice over those of the fit on 2 rings, (percentages, 2)."""
     names = "automatic", "automatic on 2 rings"
     compared = {name: methods(slow=False)[name] for name in names}
-    rows = measured(*model(shipped_bunny()), compared, percentages, (0.0,), seed)
+    rows = measured(*model(bunny_path()), compared, percentages, (0.0,), seed)
     automatic, on_two_rings = (np.array([row[3:5] for row in rows if row[2] == name]) for name in names)
     return automatic / on_two_rings
 

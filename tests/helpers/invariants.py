@@ -9,7 +9,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pymeshlab
 from meshset_state import changed, mesh_state
-from second_opinion import largest_curvature, opinion
+from naive_reference import expected_fit, largest_curvature
 
 from baselines import ouyang_feng_normals, razdan_bae
 from bezier_filters import (
@@ -27,7 +27,7 @@ from bezier_filters import (
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
 from bezier_filters.fitting.outlier_removal import move_outliers
 from bezier_filters.kernels.kernel_input import prepare_kernel_mesh
-from bezier_filters.meshes.mesh import LARGEST, SMALLEST
+from bezier_filters.meshes.mesh import MAX_COORDINATE, MIN_COORDINATE
 from bezier_filters.meshlab.meshset import BezierFilterError
 from bezier_filters.meshlab.scripts import FILTERS
 from bezier_filters.smoothing.flipped_faces import NEW_BAD_FACE_WEIGHT
@@ -53,7 +53,7 @@ def attempt(function, *arguments, **options):
 
 def are_sound(vertices):
     largest = np.abs(vertices).max(initial=0.0)
-    return bool(np.isfinite(vertices).all() and (largest == 0.0 or SMALLEST <= largest <= LARGEST))
+    return bool(np.isfinite(vertices).all() and (largest == 0.0 or MIN_COORDINATE <= largest <= MAX_COORDINATE))
 
 
 def check_estimate(vertices, faces, mode):
@@ -107,7 +107,7 @@ def check_statuses(vertices, faces, geometry):
     for vertex in (
         v for status in statuses for v in np.flatnonzero(geometry.status == status)[:: 1 + len(vertices) // 4]
     ):
-        status, other = FitStatus(geometry.status[vertex]), opinion(vertices, faces, int(vertex))
+        status, other = FitStatus(geometry.status[vertex]), expected_fit(vertices, faces, int(vertex))
         assert other.isolated in (None, status == FitStatus.ISOLATED), (vertex, status)
         assert other.fits in (None, status == FitStatus.OK), (vertex, status)
         if other.fits and other.tolerance * np.ptp(vertices, axis=0).max() < 1e-3:

@@ -1,4 +1,4 @@
-"""Lone vertices that stick out, or lie outside of their neighbours: what is around is better told without them."""
+"""Spikes and folded vertices: single vertices far from a plane of neighbours, or outside of their polygon."""
 
 import numpy as np
 
@@ -9,15 +9,17 @@ from bezier_filters.meshes.triangles import next_corner
 from bezier_filters.runtime.jit import jit
 from bezier_filters.runtime.parallel import run_kernel
 
-STEEP = 0.25  # times the distance of its neighbours from their middle: how far off that a tip is, at the least,
-ALONE = 8.0  # and times their own distance from a plane
-FLAT = 0.25  # times the same, how far neighbours of a vertex are off a plane, at the most, that it is outside of
+# least height of a spike above the plane of its neighbours, over their RMS distance from their centroid, and over their
+# own RMS height above the plane
+MIN_SPIKE_HEIGHT, MIN_SPIKE_RATIO = 0.25, 8.0
+# largest RMS height of the neighbours of a folded vertex above their plane, over their RMS distance from the centroid
+MAX_FLAT_DEVIATION = 0.25
 
 
-def without_tips(mesh: TriangleMesh, adjacency: Adjacency) -> TriangleMesh:
-    """The mesh with every vertex that sticks out of a plane of neighbours moved into their middle.
+def remove_spikes(mesh: TriangleMesh, adjacency: Adjacency) -> TriangleMesh:
+    """Move every spike, and every folded vertex, to the centroid of its neighbours.
 
-    The edges around a tip are sharp, but no edges of the surface.
+    The edges around a spike are sharp, but they are not edges of the surface.
 
     >>> from bezier_filters.meshes.adjacency import vertex_adjacency
     >>> from bezier_filters.meshes.mesh import triangle_mesh
@@ -26,48 +28,48 @@ def without_tips(mesh: TriangleMesh, adjacency: Adjacency) -> TriangleMesh:
     >>> vertices = ball.vertices.copy()
     >>> vertices[100] *= 1.1
     >>> mesh = triangle_mesh(vertices, ball.faces)
-    >>> flat = without_tips(mesh, vertex_adjacency(mesh)).vertices
+    >>> flat = remove_spikes(mesh, vertex_adjacency(mesh)).vertices
     >>> np.flatnonzero((flat != vertices).any(axis=1)), bool(0.99 < np.linalg.norm(flat[100]) < 1.0)
     (array([100]), True)
     """
-    return _flattened(mesh, adjacency, True)
+    return _move_to_centroids(mesh, adjacency, True)
 
 
-def unfolded(mesh: TriangleMesh, adjacency: Adjacency) -> TriangleMesh:
-    """The mesh with every vertex that lies outside of its neighbours, if these lie in a plane, moved into their middle.
+def move_folded_vertices(mesh: TriangleMesh, adjacency: Adjacency) -> TriangleMesh:
+    """Move every vertex outside of the polygon of its neighbours, if that is nearly flat, to their centroid.
 
-    Along the surface it is farther off than an edge, and its faces are turned over.
+    Some faces of such a vertex are folded over.
     """
-    return _flattened(mesh, adjacency, False)
+    return _move_to_centroids(mesh, adjacency, False)
 
 
-def _flattened(mesh: TriangleMesh, adjacency: Adjacency, tips: bool) -> TriangleMesh:
+def _move_to_centroids(mesh: TriangleMesh, adjacency: Adjacency, spikes: bool) -> TriangleMesh:
     points, at_vertex = mesh.vertices.copy(), adjacency.faces
     inside = np.flatnonzero(~adjacency.on_boundary).astype(np.int32)
     arrays = mesh.vertices, mesh.faces, at_vertex.indptr, at_vertex.indices
-    run_kernel(_flatten, len(inside), *arrays, inside, points, tips)
+    run_kernel(_write_centroids, len(inside), *arrays, inside, points, spikes)
     return TriangleMesh(points, mesh.faces)
 
 
 @jit()
-def _flatten(
+def _write_centroids(
     vertices: FloatArray,
     faces: IntArray,
     face_ptr: IntArray,
     face_indices: IntArray,
     ids: IntArray,
     points: FloatArray,
-    tips: bool,
+    spikes: bool,
     start: int,
     stop: int,
 ) -> None:
-    """Write the middle of the neighbours of those of the vertices ids[start:stop] that are tips."""
+    """Write the centroid of the neighbours for folded vertices, and on request for spikes, of ids[start:stop]."""
     for i in ids[start:stop]:
         first, last = face_ptr[i], face_ptr[i + 1]
         if first == last:
             continue
         mx = my = mz = nx = ny = nz = 0.0
-        for q in range(first, last):  # of the two other corners of a face, the first: every neighbour comes once
+        for q in range(first, last):  # the next corner of each face: every neighbour comes once
             j = next_corner(faces, face_indices[q], i)
             mx, my, mz = mx + vertices[j, 0], my + vertices[j, 1], mz + vertices[j, 2]
         count = last - first
@@ -93,6 +95,6 @@ def _flatten(
             is_inside &= nx * (uy * vz - uz * vy) + ny * (uz * vx - ux * vz) + nz * (ux * vy - uy * vx) > 0.0
         scale = width * (nx * nx + ny * ny + nz * nz)
         height = (wx * nx + wy * ny + wz * nz) ** 2
-        is_tip = height > ALONE**2 * uneven and height > STEEP**2 * scale
-        if (is_tip and tips) or (is_star and not is_inside and uneven < FLAT**2 * scale):
+        is_spike = height > MIN_SPIKE_RATIO**2 * uneven and height > MIN_SPIKE_HEIGHT**2 * scale
+        if (is_spike and spikes) or (is_star and not is_inside and uneven < MAX_FLAT_DEVIATION**2 * scale):
             points[i, 0], points[i, 1], points[i, 2] = mx, my, mz

@@ -26,7 +26,7 @@ ROUNDED = 1e-6
 
 
 @dataclass(frozen=True)
-class Opinion:
+class ExpectedFit:
     """None stands for what rounding decides.
 
     Attributes
@@ -45,7 +45,7 @@ class Opinion:
     tolerance: float | None = None
 
 
-def opinion(vertices, faces, vertex):
+def expected_fit(vertices, faces, vertex):
     """What has to be found at one vertex."""
     corners = vertices[faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -58,23 +58,23 @@ def opinion(vertices, faces, vertex):
         of_neighbours = [normal_of_faces(faces, normals, v)[0] for v in sorted(around)]
         sizes = [np.linalg.norm(one) for one in of_neighbours]
         if any(1e-10 < size < 1e-8 for size in sizes):
-            return Opinion(None)
+            return ExpectedFit(None)
         total = sum((one / size for one, size in zip(of_neighbours, sizes, strict=True) if size > 1e-9), np.zeros(3))
     length = np.linalg.norm(total)
     if length < 1e-8:
-        return Opinion(True if length < 1e-10 else None)
+        return ExpectedFit(True if length < 1e-10 else None)
     z_axis = total / length
     rings = [{vertex}]
     for _ in range(RINGS):
         rings.append(rings[-1] | set(proper[np.isin(proper, list(rings[-1])).any(axis=1)].ravel().tolist()))
     if len(rings[RINGS]) < FEWEST:
-        return Opinion(False, False)
+        return ExpectedFit(False, False)
     inner = normals[np.isin(faces, list(rings[RINGS - 1])).any(axis=1)]
     cosines = (inner @ z_axis)[inner.any(axis=1)]
     if (cosines <= FOLD_COSINE - CERTAIN).any():
-        return Opinion(False, False)
+        return ExpectedFit(False, False)
     if (cosines <= FOLD_COSINE + CERTAIN).any():
-        return Opinion(False)
+        return ExpectedFit(False)
     return fitted(vertices, vertex, rings, z_axis, largest_curvature(vertices, proper, vertex))
 
 
@@ -91,13 +91,13 @@ def fitted(vertices, vertex, rings, z_axis, bound):
     reach = np.linalg.norm(near, axis=1)
     order = np.argsort(reach)
     if reach[order[-1]] == 0.0 or (len(order) > 1 and reach[order[-2]] > (1 - 1e-5) * reach[order[-1]]):
-        return Opinion(False)  # which neighbour the x axis points to is decided by finer rules
+        return ExpectedFit(False)  # which neighbour the x axis points to is decided by finer rules
     x_axis = near[order[-1]] / reach[order[-1]]
     y_axis = np.cross(z_axis, x_axis)
     x, y, z = edges @ x_axis, edges @ y_axis, edges @ z_axis
     width = np.linalg.svd(np.column_stack([x, y]), compute_uv=False)[1] / np.sqrt(len(x))
     if width < FLAT * np.linalg.norm(edges, axis=1).max() or np.ptp(y) < 2.0 * MIN_NEIGHBOURHOOD_WIDTH:
-        return Opinion(False)
+        return ExpectedFit(False)
     radius = np.hypot(x, y).max()
     rows = np.array([(x / radius) ** a * (y / radius) ** b for a, b in EXPONENTS]).T
     weight = ((1.0 - ALPHA) / ALPHA) ** 2
@@ -105,7 +105,7 @@ def fitted(vertices, vertex, rings, z_axis, bound):
     matrix = rows.T @ rows + np.diag(penalty)
     share = smallest_pivot(matrix)
     if share < MIN_PIVOT * 1.01:
-        return Opinion(False, False if share < MIN_PIVOT * 0.99 else None)
+        return ExpectedFit(False, False if share < MIN_PIVOT * 0.99 else None)
     stacked = np.vstack([rows, np.diag(np.sqrt(penalty))])
     scale = np.linalg.norm(stacked, axis=0)
     solution = np.linalg.lstsq(stacked / scale, np.concatenate([z, np.zeros(len(scale))]), rcond=None)[0] / scale
@@ -118,8 +118,8 @@ def fitted(vertices, vertex, rings, z_axis, bound):
     tolerance = 1e-9 * condition**2 * np.linalg.norm(edges, axis=1).max() / width**2
     largest = abs(curvature) + np.sqrt(max(curvature**2 - (r * t - s * s) / w**4, 0.0))
     if largest > bound * (1.0 - CERTAIN) - tolerance:
-        return Opinion(False, False if largest > bound * (1.0 + CERTAIN) + tolerance else None)
-    return Opinion(False, True, (z_axis - p * x_axis - q * y_axis) / w, curvature, tolerance)
+        return ExpectedFit(False, False if largest > bound * (1.0 + CERTAIN) + tolerance else None)
+    return ExpectedFit(False, True, (z_axis - p * x_axis - q * y_axis) / w, curvature, tolerance)
 
 
 def largest_curvature(vertices, faces, vertex):

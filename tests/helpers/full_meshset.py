@@ -19,7 +19,7 @@ def punched_torus(resolution=12):
     return vertices, surface.faces[keep]
 
 
-def furnished(vertices=None, faces=None, *, layers=2):
+def full_meshset(vertices=None, faces=None, *, layers=2):
     """A MeshSet with a filter script, several layers and, on the current one, all that a mesh can carry."""
     ms = pymeshlab.MeshSet()
     if vertices is None:
@@ -31,11 +31,11 @@ def furnished(vertices=None, faces=None, *, layers=2):
     if len(faces):
         ms.compute_texcoord_by_function_per_vertex(u="x", v="y")
         ms.compute_texcoord_by_function_per_wedge(u0="x0", u1="x1", u2="x2", v0="y0", v1="y1", v2="y2")
-    furnish(ms, height=0.2, faces=50)
+    add_all_attributes(ms, height=0.2, faces=50)
     return ms
 
 
-def furnish(ms, *, height, faces):
+def add_all_attributes(ms, *, height, faces):
     """Give the current mesh, layer 0, all that a mesh can carry; selected are what is above and the first faces."""
     ms.set_matrix(transformmatrix=TRANSFORM, freeze=False)
     ms.compute_scalar_by_function_per_vertex(q="x")
