@@ -18,8 +18,8 @@ MAX_DENSE_VERTICES = 300  # vertices of a mesh whose matrices are dense
 # fraction of non-zero entries of a matrix that is solved by sparse factorisation: around vertices of very high valence
 # the power of a sparse matrix is nearly dense
 MAX_SPARSE_DENSITY = 0.1
-# Entries of a power of the matrix, 12 bytes each: 150,000 vertices of a regular mesh have so many with order 3. Vertices
-# of very high valence give more, and get a lower order. With half as many or twice as many, so does the memory change.
+# Entries of a power of the matrix, 12 bytes each: 75,000 vertices of a regular mesh have so many with order 3. Those of
+# very high valence give more, and get a lower order. Half as many or twice as many change the memory by as much.
 MAX_POWER_ENTRIES = 10_000_000
 # Clamped weights bound the influence of slivers and are positive, so that there is always one solution.
 MIN_FAIRING_WEIGHT, MAX_FAIRING_COTANGENT = 0.02, 5.0
@@ -31,8 +31,8 @@ def polyharmonic_continuation(points: FloatArray, faces: IntArray, values: Float
 
     The order is 1, 2 or 3. With order 1 the result obeys the maximum principle, and differences between neighbouring
     values decay within an edge or two. If the values are coordinates, the result is a fill: with order 1 a minimal
-    surface to first order, with a larger one a smooth continuation of `order` rings around it. The order is reduced where
-    its matrix would have more than `MAX_POWER_ENTRIES` entries.
+    surface to first order, with a larger one a smooth continuation of `order` rings around it. The order is reduced if
+    its matrix might have more than `MAX_POWER_ENTRIES` entries.
     """
     first = len(values)
     if first == len(points):

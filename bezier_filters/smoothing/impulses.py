@@ -82,7 +82,10 @@ def learn_impulses(measured: FloatArray, smoothed: MeshPart) -> Impulses | None:
     )
     gain = float(np.log(np.maximum(densities, smallest)).mean()) + 0.5 + 0.5 * np.log(square)
     inliers, rows = found.inlier_probability(every), adjacency.vertices
-    correlation = np.corrcoef(np.repeat(inliers, rows.lengths), inliers[rows.indices])[0, 1]
+    neighbours = inliers[rows.indices]
+    if not (len(neighbours) and np.var(neighbours) > 0.0):  # no vertex stands out among its neighbours
+        return None
+    correlation = np.corrcoef(np.repeat(inliers, rows.lengths), neighbours)[0, 1]
     if not (
         found.impulse_sigma > found.inlier_sigma
         and gain > MIN_LIKELIHOOD_GAIN

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+from mesh_mutations import mutated
 from scanner_noise import along_normals, mean_edge_of
 from scipy.spatial.transform import Rotation
 from scipy.stats import norm
 
-from bezier_filters import smooth
+from bezier_filters import estimate_vertex_geometry, smooth
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
 from bezier_filters.smoothing.impulses import Impulses, has_settled, learn_impulses, remove_impulses
@@ -160,3 +161,8 @@ def test_other_noise_is_smoothed_once(monkeypatch):
     ):
         smooth(noisy, shape.faces)
     assert learned == [None] * 3
+
+
+def test_where_no_two_neighbours_differ_there_are_no_impulses():
+    """Their correlation is not defined; a warning is an error here."""
+    estimate_vertex_geometry(*mutated(5059769))
