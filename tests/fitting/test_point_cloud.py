@@ -252,7 +252,7 @@ class TestDegenerateClouds:
 @pytest.mark.parametrize(
     ("faces", "normals", "message"),
     [
-        ([[0, 1, 2]], np.ones((4, 3)), "normals: got some for a mesh with faces"),
+        ([[0, 1, 2]], np.ones((4, 3)), "normals: not allowed for a mesh with faces"),
         (None, np.ones((3, 3)), r"normals: got shape \(3, 3\), expected finite numbers of shape \(4, 3\)"),
         (None, np.full((4, 3), np.nan), "expected finite numbers"),
         (None, "up", "normals: expected real numbers"),

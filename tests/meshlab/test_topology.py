@@ -133,7 +133,7 @@ def test_borders_that_are_given_are_those_that_are_filled():
     without = given & ~np.isin(np.arange(len(given)), hole)
     assert len(fill_holes(mesh.vertices, mesh.faces, holes=[], on_border=without).holes) == len(found.holes) - 1
     broken = given & (np.arange(len(given)) != hole[0])
-    with pytest.raises(InvalidParameterError, match="on_border: got other vertices"):
+    with pytest.raises(InvalidParameterError, match="on_border: got vertices other than the ends"):
         fill_holes(mesh.vertices, mesh.faces, on_border=broken)
     with pytest.raises(InvalidParameterError, match="on_border: got bool of shape"):
         fill_holes(mesh.vertices, mesh.faces, on_border=given[1:])
