@@ -44,8 +44,9 @@ def inner_jit(**options: object) -> Callable[[Function], Function]:
     time of the first compilation. A function is compiled again for every literal integer argument, see `opaque`. A call
     with several arrays takes some 30 ns to pass their fields; with ``inline="always"`` there is no call.
 
-    Functions with `fastmath` must be inlined, and call only functions that are inlined. Otherwise the sums of the
-    caller may be ordered differently by the process that compiled the callee before, and by one that loads it.
+    Functions with `fastmath` must be inlined. Otherwise the process that compiles a caller links the separately
+    compiled copy of the function, and later processes link the copy in the cache of the caller, whose sums may have
+    another order.
     """
     return _compiler(_nrt=False, no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)
 
@@ -63,9 +64,14 @@ def _cache_on_disk(**options: object) -> Callable[[Function], Function]:
     return compile_lazily
 
 
-def _compiler(**options: object) -> Callable[[Function], Function]:
+def _compiler(*, fastmath: object = False, **options: object) -> Callable[[Function], Function]:
+    """`numba.njit` with `fastmath` of the function itself.
+
+    If it is not set, a function inherits it from the caller that is compiled first, and keeps it for all others: the
+    order of its sums would depend on which caller a process compiles first, and which ones it loads from the cache.
+    """
     compiler = cast("Callable[..., Callable[[Function], Function]]", njit)  # the stubs lack `_nrt`
-    return compiler(error_model="numpy", **options)
+    return compiler(error_model="numpy", fastmath=fastmath, **options)
 
 
 @inner_jit()
