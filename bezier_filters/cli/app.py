@@ -295,6 +295,6 @@ _KINDS: dict[str, tuple[Any, Callable[[str], object] | None, str | None]] = {
     "(float, float, float)": (tuple[float, float, float], None, "X Y Z"),
     'int or "auto"': (Any, _auto_or(int), "NUMBER|auto"),
     'float or "auto"': (Any, _auto_or(float), "NUMBER|auto"),
-    LENGTH_TYPE: (Any, _length, "LENGTH_TYPE|PERCENT%"),
+    LENGTH_TYPE: (Any, _length, "LENGTH|PERCENT%"),
     "size": (Any, size_in_bytes, "2GB"),
 }

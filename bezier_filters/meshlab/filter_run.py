@@ -91,7 +91,9 @@ def run_filter(ms: MeshSet, name: str, work: Work, output: Output) -> Report:
     with _time_stage(seconds, "topology"):
         topology = topology_of(mesh.vertices, mesh.faces) if len(mesh.faces) else None
         remarks = [] if topology is None else topology.remarks + orientation_remarks(mesh, topology)
-        said = " ".join([*computed.report["warnings"], *computed.report["remarks"]])
+        # the explanation of a failure contains the same findings
+        reported = " ".join([*computed.report["warnings"], *computed.report["remarks"]])
+        new_remarks = [remark for remark in remarks if remark.partition(";")[0] not in reported]
     check_unchanged(ms, given)
     quality = np.empty(0) if field is None else computed.columns[field.column][computed.known]
     limits = output.color_range if output.color else None  # values of the first and the last colour
@@ -120,7 +122,7 @@ def run_filter(ms: MeshSet, name: str, work: Work, output: Output) -> Report:
         "unit": None if field is None else field.unit,
         "repaired": repaired,
         "topology": None if topology is None else dict(topology.counts),
-        "remarks": computed.report["remarks"] + [one for one in remarks if one.split(";")[0] not in said],
+        "remarks": computed.report["remarks"] + new_remarks,
         "statistics": {name: float(getattr(np, name)(quality)) for name in STATISTICS} if len(quality) else None,
         "seconds": seconds,
     }

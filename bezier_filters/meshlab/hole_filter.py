@@ -88,7 +88,7 @@ def meshing_close_holes_by_bezier_patch(
         ``closed_holes``, ``open_holes``, ``new_vertices`` and ``new_faces`` (numbers), ``id`` (of the layer that is the
         mesh now), ``noise`` (standard deviation, a length, or None), ``lost_attributes`` (custom attributes that
         pymeshlab does not let us copy: those with capital letters or signs in their names), ``textured`` (whether the
-        new faces show a texture), ``repaired`` (numbers of ``weld_vertices``, ``split_vertices``, ``removed_faces``
+        new faces show a texture), ``repaired`` (numbers of ``welded_vertices``, ``split_vertices``, ``removed_faces``
         without area or there twice, and ``turned_faces``, or None), ``topology`` (after that, as ``topology_before``)
         and ``topology_after`` (what pymeshlab counts: ``components``, ``genus``, ``boundary_loops`` with those of outer
         rims and islands, ``boundary_edges``, ``non_manifold_faces`` at such edges, ``non_manifold_vertices`` and

@@ -169,7 +169,7 @@ def repair(ms: MeshSet) -> Report:
         reason = f"repair: pymeshlab could not repair this mesh ({reason_of(error)}); go on without that"
         raise BezierFilterError(reason) from error
     return {
-        "weld_vertices": given.vertex_count - welded,
+        "welded_vertices": given.vertex_count - welded,
         "split_vertices": len(np.unique(faces)) - referenced,
         "removed_faces": given.face_count - len(faces),
         "turned_faces": _count_turned(faces, mesh),

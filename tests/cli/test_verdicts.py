@@ -37,7 +37,7 @@ def test_an_unwelded_file(command, suffix, tmp_path):
     repaired = run(command, source, target, "--repair", "--json")
     assert (repaired.returncode, repaired.stderr) == (0, "")
     report = json.loads(repaired.stdout)
-    assert report["repaired"]["weld_vertices"] == len(SOUP[0]) - len(BALL.vertices)
+    assert report["repaired"]["welded_vertices"] == len(SOUP[0]) - len(BALL.vertices)
     assert report["warnings"] == []
     assert len(next(iter(read_fields(target).values()))) == len(BALL.vertices)
     if command == "curvature":

@@ -73,7 +73,7 @@ def test_so_does_a_mesh_in_its_own_order_after_that_of_space(empty_cache, mesh, 
         np.testing.assert_allclose(getattr(after, name), values, atol=1e-9 * np.abs(values).max(), err_msg=name)
 
 
-def test_other_arrays_or_options_are_learned_anew(empty_cache, mesh):
+def test_other_arrays_or_options_are_learned_again(empty_cache, mesh):
     vertices, faces = mesh
     bf.estimate_vertex_geometry(vertices, faces)
     moved = vertices.copy()

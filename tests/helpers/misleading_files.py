@@ -145,12 +145,13 @@ def less_than_there_is(suffix, vertices, faces, rng):
 
 
 def cut_short(suffix, vertices, faces, rng):
-    # Between two facets of STL as text, the end alone is missing.
-    outcome = NOTICED if suffix == ".stl" else REFUSED
-    found = _file(suffix, _rows(vertices, faces), rng, "cut short", outcome, NONE, [])
+    found = _file(suffix, _rows(vertices, faces), rng, "cut short", REFUSED, NONE, [])
     # Whether the last number lacks digits, nobody can know; the end of a line is no loss.
     reach = len(found.data.rstrip()) - 30
-    return replace(found, data=found.data[: rng.integers(reach // 3, reach)])
+    data = found.data[: rng.integers(reach // 3, reach)]
+    # Between two facets of STL as text, the end alone is missing.
+    is_between = suffix == ".stl" and b"facet" not in data.lower().rpartition(b"endfacet")[2]
+    return replace(found, data=data, outcome=NOTICED if is_between else REFUSED)
 
 
 # formats

@@ -392,7 +392,7 @@ class TestRepair:
         assert without["closed_holes"] == 0
         assert report["closed_holes"] == len(report["holes"]) == 1
         assert report["repaired"] == {
-            "weld_vertices": len(shared), "split_vertices": 0, "removed_faces": 0, "turned_faces": 0
+            "welded_vertices": len(shared), "split_vertices": 0, "removed_faces": 0, "turned_faces": 0
         }  # fmt: skip
         assert report["topology_after"]["boundary_edges"] == 0
         assert ms.get_topological_measures()["genus"] == 1
