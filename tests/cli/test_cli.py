@@ -283,6 +283,10 @@ def test_help_has_an_example(command):
     assert "Example: bezier-filters" in result.stdout
 
 
+def test_placeholders_of_lengths_are_words():
+    assert "LENGTH|PERCENT%" in run("fill-holes", "--help").stdout
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("command", COMMANDS)
 def test_every_command_has_help_in_a_process_of_its_own(command):
