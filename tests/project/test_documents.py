@@ -240,5 +240,5 @@ def test_mathematics_names_the_code_and_shows_figures(page):
     assert any(value for _, value in NAMED.findall(text))
     pictures = re.findall(r"!\[[^\]]+\]\(\.\./images/(mathematics_\w+)\.png\)", text)
     assert len(pictures) >= 2
-    script = (ROOT / "docs" / "images" / "mathematics.py").read_text(encoding="utf-8")
+    script = (ROOT / "docs" / "images" / f"mathematics_{page.stem}.py").read_text(encoding="utf-8")
     assert all(f"def draw_{name.removeprefix('mathematics_')}(" in script for name in pictures)
