@@ -209,14 +209,14 @@ def _noise_of(mesh: "TriangleMesh") -> "Report":
     """Noise of a mesh, learned as for fitting and smoothing, as arguments of `noise_in_words`."""
     from bezier_filters.fitting.first_call import first_call
     from bezier_filters.fitting.noise_level import explain_unknown_noise, learn_mesh_noise
-    from bezier_filters.meshes.adjacency import vertex_adjacency
+    from bezier_filters.meshes.prepared_mesh import prepare_mesh
     from bezier_filters.runtime.parallel import use_threads
 
-    adjacency = vertex_adjacency(mesh)
+    prepared = prepare_mesh(mesh)
     with use_threads(), first_call():
-        found = learn_mesh_noise(mesh, adjacency)
+        found = learn_mesh_noise(prepared)
         if found is None:
-            reason = explain_unknown_noise(mesh, adjacency)
+            reason = explain_unknown_noise(prepared)
             return {"sigma": None, "length": None, "heavy": False, "reason": reason}
     return {"sigma": found.sigma, "length": found.length, "heavy": found.heavy, "reason": ""}
 

@@ -47,8 +47,8 @@ from bezier_filters.kernels.kernel_input import (
     replace_vertices,
     use_smoothed_normals,
 )
-from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh, check_selection, takes_arrays, triangle_mesh
+from bezier_filters.meshes.prepared_mesh import PreparedMesh, prepare_mesh
 from bezier_filters.meshes.spatial_order import has_locality, identity_order, sort_spatially
 from bezier_filters.meshes.unit_size import normalizes_size
 from bezier_filters.patches.patch_fit import PatchFit
@@ -238,12 +238,10 @@ def estimate_vertex_geometry(
     return _estimate(mesh, request, lambda _: mask, progress)
 
 
-def geometry_where(
-    mesh: TriangleMesh, adjacency: Adjacency, select: Callable[[float | None], BoolArray]
-) -> VertexGeometry:
+def geometry_where(mesh: PreparedMesh, select: Callable[[float | None], BoolArray]) -> VertexGeometry:
     """Estimate with automatic choices at vertices (n,) that `select` chooses by the noise, a length."""
     request = _FitRequest(*fit_options("auto", "auto", "auto", "third_order"))
-    return _estimate(mesh, request, select, adjacency=adjacency if has_locality(adjacency) else None)
+    return _estimate(mesh, request, select, keep_order=has_locality(mesh.adjacency))
 
 
 @dataclass(frozen=True)
@@ -269,17 +267,19 @@ def _estimate(
     request: _FitRequest,
     select: Callable[[float | None], BoolArray | None],
     progress: Progress | None = None,
-    adjacency: Adjacency | None = None,
+    *,
+    keep_order: bool = False,
 ) -> VertexGeometry:
     """Estimate the geometry of a mesh or a point cloud at vertices that `select` chooses by the noise, None if unknown.
 
-    A mesh whose adjacency is given keeps its order: sorting does not pay if few vertices are selected.
+    On request a mesh keeps its order: sorting does not pay if few vertices are selected.
     """
     with first_call():
-        ordered = sort_spatially(given) if adjacency is None else identity_order(given)
+        ordered = identity_order(given) if keep_order else sort_spatially(given)
         mesh, order = ordered.mesh, ordered.order
         if mesh.face_count:
-            arrays, adjacency = prepare_kernel_mesh(mesh, ordered, adjacency, creases=request.fixed is None)
+            mesh = prepare_mesh(mesh)
+            arrays = prepare_kernel_mesh(mesh, ordered, creases=request.fixed is None)
         else:
             adjacency, planes = point_cloud(mesh, None if request.outside is None else request.outside[order])
             arrays = kernel_mesh(mesh, adjacency, planes, None, ordered)
@@ -292,9 +292,9 @@ def _estimate(
 
         def hidden_edges(noise: NoiseModel) -> BoolArray | None:
             nonlocal surface
-            if request.robust or not given.face_count or not hides_sharp_edges(mesh, adjacency, noise):
+            if request.robust or not given.face_count or not hides_sharp_edges(prepare_mesh(mesh), noise):
                 return None
-            found, edges = noise_free_surface(given, adjacency if mesh is given else vertex_adjacency(given), noise)
+            found, edges = noise_free_surface(prepare_mesh(given), noise)
             surface = found.vertices
             result: BoolArray = edges[order]
             return result
@@ -316,20 +316,18 @@ def _estimate(
             if known is not None:
                 fit, surface, fitted = known.fit, known.surface, arrays._replace(barriers=known.stops[order])
                 if known.cleaned is not None:
-                    fitted = replace_vertices(fitted, adjacency, known.cleaned[order])
+                    fitted = replace_vertices(fitted, known.cleaned[order])
             else:
-                fit, learned, fitted = _choose(
-                    arrays, adjacency, lambda learn: choose_fit(learn, *options), hidden_edges
-                )
+                fit, learned, fitted = _choose(arrays, lambda learn: choose_fit(learn, *options), hidden_edges)
                 if request.fixed is None or request.rings == "auto":
-                    fit = replace(fit, choice=_add_noise_reason(fit.choice, arrays, adjacency))
+                    fit = replace(fit, choice=_add_noise_reason(fit.choice, arrays))
             if request.fixed is not None and (request.fallbacks != "sound" or request.fold_test != "angle"):
                 crossings = request.fold_test == "crossings"
                 chain = fallback_chain(fit.choice.rings, request.fixed, fallbacks=request.fallbacks)
                 fit = replace(fit, attempts=tuple(replace(one, by_crossings=crossings) for one in chain))
             mask = select(fit.choice.noise_sigma)
             ids = rows_of_mask(mask)
-            choice, fit = _fit(fitted, adjacency, ids, fit, learned, geometry, progress)
+            choice, fit = _fit(fitted, ids, fit, learned, geometry, progress)
             if fit.cleaned:
                 rebase_displacements(arrays.vertices, fitted, ids, geometry)
             if learned is not None:
@@ -339,7 +337,6 @@ def _estimate(
             mask = select(request.noise)
             choice = fit_in_balls(
                 arrays,
-                adjacency,
                 rows_of_mask(mask),
                 float(request.radius),
                 request.fixed,
@@ -351,7 +348,7 @@ def _estimate(
                 progress=progress,
             )
             if request.fixed is None:
-                choice = _add_noise_reason(choice, arrays, adjacency)
+                choice = _add_noise_reason(choice, arrays)
         if mask is not None:
             _clear(geometry, ~mask & (geometry.status != FitStatus.SKIPPED))
         return replace(geometry, fit=choice, noise_free=surface)
@@ -359,7 +356,6 @@ def _estimate(
 
 def _choose(
     arrays: KernelMesh,
-    adjacency: Adjacency,
     choose: Callable[[LearnSurface], tuple[SurfaceFit, LearnedSurface | None]],
     find_edges: FindEdges,
 ) -> tuple[SurfaceFit, LearnedSurface | None, KernelMesh]:
@@ -368,8 +364,8 @@ def _choose(
     def choose_with_edges(
         arrays: KernelMesh, edges: BoolArray | None = None
     ) -> tuple[SurfaceFit, LearnedSurface | None, KernelMesh]:
-        cleaned = cache(partial(move_outliers, arrays, adjacency, edges))
-        fit, learned = choose(surface_learner(arrays, adjacency, cleaned))
+        cleaned = cache(partial(move_outliers, arrays, edges))
+        fit, learned = choose(surface_learner(arrays, cleaned))
         return fit, learned, cleaned() if fit.cleaned else arrays
 
     fit, learned, fitted = choose_with_edges(arrays)
@@ -384,13 +380,9 @@ def _choose(
     return fit, learned, fitted
 
 
-def _add_noise_reason(choice: FitChoice, arrays: KernelMesh, adjacency: Adjacency) -> FitChoice:
+def _add_noise_reason(choice: FitChoice, arrays: KernelMesh) -> FitChoice:
     """Add to a choice why the noise is unknown, if it is."""
-    return (
-        choice
-        if choice.noise_sigma is not None
-        else replace(choice, noise_reason=explain_unusable_mesh(arrays, adjacency))
-    )
+    return choice if choice.noise_sigma is not None else replace(choice, noise_reason=explain_unusable_mesh(arrays))
 
 
 def _misses_edges(arrays: KernelMesh, fit: SurfaceFit, sigma: float) -> bool:
@@ -409,7 +401,6 @@ def _misses_edges(arrays: KernelMesh, fit: SurfaceFit, sigma: float) -> bool:
 
 def _fit(
     arrays: KernelMesh,
-    adjacency: Adjacency,
     ids: IntArray,
     fit: SurfaceFit,
     learned: LearnedSurface | None,
@@ -435,7 +426,7 @@ def _fit(
             return first_features(geometry, arrays.origin[centers])
 
         def sample(centers: IntArray, rings: int) -> NeighbourhoodSample:
-            return sample_by_mode(arrays, adjacency, centers, rings, "plain")
+            return sample_by_mode(arrays, centers, rings, "plain")
 
         fit = add_regions(fit, learned, ProbeVertices(drawn, features, sample))
     return fit_regions(arrays, ids, fit, geometry, progress=progress), fit

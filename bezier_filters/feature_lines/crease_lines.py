@@ -22,9 +22,9 @@ from bezier_filters.feature_lines.crest_lines import crest_segments, interpolate
 from bezier_filters.fields import CREASES, column_names
 from bezier_filters.fitting.noise_level import is_noisy, learn_mesh_noise
 from bezier_filters.fitting.vertex_geometry import VertexGeometry
-from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
 from bezier_filters.meshes.half_edges import MeshEdges, mesh_edges
-from bezier_filters.meshes.mesh import TriangleMesh, takes_arrays, triangle_mesh
+from bezier_filters.meshes.mesh import takes_arrays, triangle_mesh
+from bezier_filters.meshes.prepared_mesh import PreparedMesh, prepare_mesh
 from bezier_filters.meshes.sharp_edges import certainties, sharp_edges
 from bezier_filters.meshes.unit_size import LENGTH, normalizes_size
 from bezier_filters.runtime.parallel import Progress, runs_on_threads
@@ -245,7 +245,7 @@ def find_creases(
     >>> strongest.kind, strongest.is_closed, bool(np.abs(strongest.points[:, 2]).max() < 0.01)
     ('ridge', True, True)
     """
-    mesh = triangle_mesh(vertices, faces)
+    mesh = prepare_mesh(triangle_mesh(vertices, faces))
     if not mesh.face_count:
         raise InvalidMeshError("faces: got none; creases need a mesh, not a point cloud")
     if not (is_real(angle) and 0.0 < angle <= 180.0):
@@ -259,11 +259,10 @@ def find_creases(
             f"geometry: got that of {len(geometry.status)} vertices, expected {mesh.vertex_count}; "
             "estimate it on the same mesh"
         )
-    adjacency = vertex_adjacency(mesh)
-    edges, sharp, certainty = _find_sharp_edges(mesh, adjacency, geometry, radians(angle))
+    edges, sharp, certainty = _find_sharp_edges(mesh, geometry, radians(angle))
     lines = [
-        *_sharp_lines(mesh, adjacency, edges, sharp, certainty),
-        *_smooth_lines(mesh, adjacency, edges, sharp, geometry, min_strength),
+        *_sharp_lines(mesh, edges, sharp, certainty),
+        *_smooth_lines(mesh, edges, sharp, geometry, min_strength),
     ]
     lines.sort(key=lambda line: -line.strength)
     sharp_lines = [line for line in lines if line.is_sharp]
@@ -277,30 +276,28 @@ def find_creases(
 
 
 def _find_sharp_edges(
-    mesh: TriangleMesh, adjacency: Adjacency, geometry: VertexGeometry, angle: float
+    mesh: PreparedMesh, geometry: VertexGeometry, angle: float
 ) -> tuple[MeshEdges, BoolArray, FloatArray]:
     """Edges of the denoised surface, with flags for sharp ones and their certainties, each (e,)."""
     sigma, surface = geometry.noise_sigma, mesh
     if geometry.noise_free is not None:
-        surface = TriangleMesh(geometry.noise_free, mesh.faces)
-    elif sigma is None or is_noisy(mesh, adjacency, sigma):
-        noise = learn_mesh_noise(mesh, adjacency)
+        surface = mesh.move(geometry.noise_free)
+    elif sigma is None or is_noisy(mesh, sigma):
+        noise = learn_mesh_noise(mesh)
         sigma = None if noise is None else noise.sigma
-        if noise is not None and hides_sharp_edges(mesh, adjacency, noise):
-            surface, _ = noise_free_surface(mesh, adjacency, noise)
+        if noise is not None and hides_sharp_edges(mesh, noise):
+            surface, _ = noise_free_surface(mesh, noise)
     edges = mesh_edges(surface)
-    if surface is mesh and is_noisy(mesh, adjacency, sigma):  # noisy, but without hidden sharp edges
+    if surface is mesh and is_noisy(mesh, sigma):  # noisy, but without hidden sharp edges
         return edges, np.zeros(len(edges.angles), dtype=np.bool_), np.zeros(len(edges.angles))
     residual_sigma = (sigma or 0.0) * (1.0 if surface is mesh else RESIDUAL_NOISE_FRACTION)
-    return edges, sharp_edges(surface, edges, adjacency, angle), certainties(edges, residual_sigma, angle)
+    return edges, sharp_edges(surface, edges, mesh.adjacency, angle), certainties(edges, residual_sigma, angle)
 
 
-def _sharp_lines(
-    mesh: TriangleMesh, adjacency: Adjacency, edges: MeshEdges, sharp: BoolArray, certainty: FloatArray
-) -> Iterator[CreaseLine]:
+def _sharp_lines(mesh: PreparedMesh, edges: MeshEdges, sharp: BoolArray, certainty: FloatArray) -> Iterator[CreaseLine]:
     """Chains of sharp edges, separately for ridges and ravines."""
     meeting = np.bincount(edges.vertices[sharp].ravel(), minlength=mesh.vertex_count)
-    is_attached = (meeting > 1) | adjacency.on_boundary
+    is_attached = (meeting > 1) | mesh.adjacency.on_boundary
     ends = np.flatnonzero(meeting > 2).astype(np.int32)
     for kind in get_args(CreaseKind):
         ids = np.flatnonzero(sharp & (edges.is_convex == (kind == "ridge")))
@@ -316,8 +313,7 @@ def _sharp_lines(
 
 
 def _smooth_lines(
-    mesh: TriangleMesh,
-    adjacency: Adjacency,
+    mesh: PreparedMesh,
     edges: MeshEdges,
     sharp: BoolArray,
     geometry: VertexGeometry,
@@ -327,7 +323,7 @@ def _smooth_lines(
     usable = geometry.status <= int(FitStatus.LOWER_DEGREE)
     usable[edges.vertices[sharp]] = False
     faces = np.flatnonzero(usable[mesh.faces].all(axis=1) & (edges.of_faces >= 0).all(axis=1)).astype(np.int32)
-    for kind, curvatures in zip(get_args(CreaseKind), ridge_and_ravine_fields(mesh, adjacency, geometry), strict=True):
+    for kind, curvatures in zip(get_args(CreaseKind), ridge_and_ravine_fields(mesh, geometry), strict=True):
         pairs, shares, weights = crest_segments(mesh, edges, curvatures, faces)
         for nodes, segments in join_chains(pairs):
             strength = float(weights[segments].sum())

@@ -13,9 +13,9 @@ from scipy.special import ndtr
 
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.fitting.vertex_geometry import VertexGeometry
-from bezier_filters.meshes.adjacency import Adjacency, mean_edge
 from bezier_filters.meshes.half_edges import MeshEdges
 from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.meshes.prepared_mesh import PreparedMesh
 
 # Drop of the curvature on both sides of spurious lines, in standard errors: lines are selected for such a drop. Of 48
 # tori and spheres with noise of 0.01 to 0.2 edges, white or averaged, two have a line with a larger one.
@@ -75,12 +75,10 @@ class PrincipalField:
         return result
 
 
-def ridge_and_ravine_fields(
-    mesh: TriangleMesh, adjacency: Adjacency, geometry: VertexGeometry
-) -> tuple[PrincipalField, PrincipalField]:
+def ridge_and_ravine_fields(mesh: PreparedMesh, geometry: VertexGeometry) -> tuple[PrincipalField, PrincipalField]:
     """Fields of k_max for ridges and of -k_min for ravines, which are ridges of the reversed surface."""
     g = geometry
-    reach = COMPARISON_RADII * TRIANGLE_HEIGHT * mean_edge(mesh, adjacency) * g.rings_used
+    reach = COMPARISON_RADII * TRIANGLE_HEIGHT * mesh.mean_edge * g.rings_used
     common = g.normals, g.mean_curvature_std, reach, cKDTree(mesh.vertices)
     return (
         PrincipalField(g.k_max, g.k_min, g.direction_max, g.extremality_max, *common),

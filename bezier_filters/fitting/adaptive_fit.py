@@ -23,7 +23,6 @@ from bezier_filters.fitting.outlier_removal import move_outliers
 from bezier_filters.fitting.vertex_geometry import FitChoice, FitPart, VertexGeometry, arrays_of
 from bezier_filters.kernels.graph_geometry import bound_errors
 from bezier_filters.kernels.kernel_input import KernelMesh, use_smoothed_normals
-from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.patches.patch_fit import DEGREES, PatchFit
 from bezier_filters.runtime.parallel import Progress, run_kernel
 from bezier_filters.status import FitStatus
@@ -191,14 +190,12 @@ def learn_without_outliers(
     return analyses, replace(leaf, surface=surface)
 
 
-def surface_learner(
-    mesh: KernelMesh, adjacency: Adjacency, cleaned: Callable[[], KernelMesh] | None = None
-) -> LearnSurface:
+def surface_learner(mesh: KernelMesh, cleaned: Callable[[], KernelMesh] | None = None) -> LearnSurface:
     """The function that learns the surface of a mesh in memory; `cleaned` gives the mesh without its outliers."""
 
     def learn(constraints: FitConstraints, without: bool) -> tuple[list[RingAnalysis], Leaf | None]:
-        learned_from = (cleaned or partial(move_outliers, mesh, adjacency))() if without else mesh
-        return learn_surface(learned_from, adjacency, constraints)
+        learned_from = (cleaned or partial(move_outliers, mesh))() if without else mesh
+        return learn_surface(learned_from, constraints)
 
     return learn
 
@@ -331,7 +328,6 @@ def _rescale_errors(
 
 def fit_in_balls(
     mesh: KernelMesh,
-    adjacency: Adjacency,
     ids: IntArray,
     radius: float,
     fit: PatchFit | None,
@@ -348,12 +344,12 @@ def fit_in_balls(
     If the patch is open, the best specification for the rings of about this radius is used for all vertices.
     """
     constraints = FitConstraints(None, degrees, sigma)
-    leaf = None if fit else _learn_balls(mesh, adjacency, radius, constraints, robust)
+    leaf = None if fit else _learn_balls(mesh, radius, constraints, robust)
     if leaf is not None:
         edges = find_edges(leaf.surface.noise)
         if edges is not None and (edges & ~mesh.barriers).any():
             mesh = mesh._replace(barriers=mesh.barriers | edges)
-            leaf = _learn_balls(mesh, adjacency, radius, constraints, robust)
+            leaf = _learn_balls(mesh, radius, constraints, robust)
     if leaf is None:
         fit = fit or patch_of_degrees(degrees)
         attempts = fallback_chain(1, fit, radius)
@@ -366,13 +362,11 @@ def fit_in_balls(
     return choice
 
 
-def _learn_balls(
-    mesh: KernelMesh, adjacency: Adjacency, radius: float, constraints: FitConstraints, robust: bool
-) -> Leaf | None:
+def _learn_balls(mesh: KernelMesh, radius: float, constraints: FitConstraints, robust: bool) -> Leaf | None:
     """Learn the surface; the chosen specification belongs to the ring whose radius is nearest to `radius`."""
-    mesh = move_outliers(mesh, adjacency) if robust else mesh
-    wanted = nearest_rings(mesh, adjacency, radius)
-    analyses, leaf = learn_surface(mesh, adjacency, replace(constraints, rings=wanted))
+    mesh = move_outliers(mesh) if robust else mesh
+    wanted = nearest_rings(mesh, radius)
+    analyses, leaf = learn_surface(mesh, replace(constraints, rings=wanted))
     if not analyses:
         return None
     nearest = min(analyses, key=lambda analysis: abs(analysis.radius - radius))
@@ -380,12 +374,10 @@ def _learn_balls(
     return fit_leaf(analyses, constraints) if leaf is None else best_leaf(leaf.surface, leaf.specs, constraints)
 
 
-def nearest_rings(mesh: KernelMesh, adjacency: Adjacency, radius: float) -> int:
+def nearest_rings(mesh: KernelMesh, radius: float) -> int:
     """Number of rings whose median radius is nearest to a length, among the rings that can be analysed."""
     ids = draw_from_mesh(mesh, RADIUS_SAMPLES)
-    sample = sample_neighbourhoods(
-        mesh, adjacency, ids, rings=max(CANDIDATE_RINGS), max_flipped_fraction=MAX_FLIPPED_FRACTION
-    )
+    sample = sample_neighbourhoods(mesh, ids, rings=max(CANDIDATE_RINGS), max_flipped_fraction=MAX_FLIPPED_FRACTION)
     distances = np.sqrt(np.square(sample.points[..., :2]).sum(axis=2))
     best, smallest = 1, np.inf
     for rings in range(1, sample.sizes.shape[1]):

@@ -189,7 +189,7 @@ def fit_with_fallbacks(
 def fit_patches(mesh: TriangleMesh, rings: int, fit: PatchFit, *, progress: Progress | None = None) -> VertexGeometry:
     """Geometry of all vertices of a mesh by one patch fit with its fallbacks."""
     ordered = sort_spatially(mesh)
-    arrays, _ = prepare_kernel_mesh(ordered.mesh, ordered, creases=False)
+    arrays = prepare_kernel_mesh(ordered.mesh, ordered, creases=False)
     geometry = empty_geometry(mesh.vertex_count)
     every = np.arange(mesh.vertex_count, dtype=np.int32)
     fit_with_fallbacks(arrays, every, list(fallback_chain(rings, fit)), geometry, progress=progress)

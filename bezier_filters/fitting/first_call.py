@@ -89,7 +89,7 @@ def compile_the_rest() -> None:
     """Compile the kernels that prepare a mesh and learn from it, on a small sphere."""
     ball = sphere(resolution=8)
     ordered = sort_spatially(triangle_mesh(ball.vertices, ball.faces))
-    arrays, adjacency = prepare_kernel_mesh(ordered.mesh, ordered, creases=True)
-    learn_surface(arrays, adjacency, FitConstraints())
+    arrays = prepare_kernel_mesh(ordered.mesh, ordered, creases=True)
+    learn_surface(arrays, FitConstraints())
     # regions of a surface may need it later
     bound_errors(arrays, np.zeros(0, np.int32), np.zeros(0), np.zeros(0), 0, 0)

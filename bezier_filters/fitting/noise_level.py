@@ -6,8 +6,7 @@ import numpy as np
 
 from bezier_filters.fitting.adaptive_fit import LearnSurface, learn_without_outliers, surface_learner
 from bezier_filters.kernels.kernel_input import prepare_kernel_mesh
-from bezier_filters.meshes.adjacency import Adjacency, mean_edge
-from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.meshes.prepared_mesh import PreparedMesh
 from bezier_filters.surface_model.fit_spec import FitConstraints
 from bezier_filters.surface_model.learn import explain_unusable_mesh
 from bezier_filters.surface_model.noise_model import NoiseModel, rescale_noise
@@ -20,22 +19,18 @@ MIN_MASKING_NOISE = 0.02
 MAX_NOISE_PER_EDGE = 0.5 * np.sqrt(np.pi)
 
 
-def learn_mesh_noise(
-    mesh: TriangleMesh, adjacency: Adjacency, sigma: float | None = None, robust: bool | None = None
-) -> NoiseModel | None:
+def learn_mesh_noise(mesh: PreparedMesh, sigma: float | None = None, robust: bool | None = None) -> NoiseModel | None:
     """Estimate the noise along the normal, with a known standard deviation `sigma`, a length, or None.
 
     The result is None if the mesh is too coarse. Outliers do not count as noise, unless `robust` is False.
     """
-    arrays, fitted = prepare_kernel_mesh(mesh, adjacency=adjacency, creases=True)
-    return estimate_noise(
-        surface_learner(arrays, fitted), sigma, robust, MAX_NOISE_PER_EDGE * mean_edge(mesh, adjacency)
-    )
+    arrays = prepare_kernel_mesh(mesh, creases=True)
+    return estimate_noise(surface_learner(arrays), sigma, robust, MAX_NOISE_PER_EDGE * mesh.mean_edge)
 
 
-def explain_unknown_noise(mesh: TriangleMesh, adjacency: Adjacency) -> str:
+def explain_unknown_noise(mesh: PreparedMesh) -> str:
     """Say why `learn_mesh_noise` finds no noise model."""
-    return explain_unusable_mesh(*prepare_kernel_mesh(mesh, adjacency=adjacency, creases=True))
+    return explain_unusable_mesh(prepare_kernel_mesh(mesh, creases=True))
 
 
 def estimate_noise(
@@ -51,6 +46,6 @@ def estimate_noise(
     return learned if sigma is None else rescale_noise(learned, sigma)
 
 
-def is_noisy(mesh: TriangleMesh, adjacency: Adjacency, sigma: float | None) -> bool:
+def is_noisy(mesh: PreparedMesh, sigma: float | None) -> bool:
     """Whether noise of standard deviation `sigma`, a length, makes angles that look like sharp edges."""
-    return sigma is not None and sigma > MIN_MASKING_NOISE * mean_edge(mesh, adjacency)
+    return sigma is not None and sigma > MIN_MASKING_NOISE * mesh.mean_edge

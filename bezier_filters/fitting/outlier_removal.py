@@ -8,8 +8,6 @@ from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.fitting.fallbacks import MAX_EXTRA_RINGS, FitAttempt, fallback_chain, fit_with_fallbacks
 from bezier_filters.fitting.vertex_geometry import VertexGeometry, empty_geometry
 from bezier_filters.kernels.kernel_input import KernelMesh, recompute_barriers, replace_vertices
-from bezier_filters.meshes.adjacency import Adjacency
-from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.spikes import move_folded_vertices
 from bezier_filters.patches.patch_fit import PatchFit
 from bezier_filters.status import FitStatus
@@ -30,16 +28,16 @@ NORMAL_GEOMETRIC_MEAN = np.exp(
 )  # of the absolute value of a standard normal variable
 
 
-def move_outliers(mesh: KernelMesh, adjacency: Adjacency, edges: BoolArray | None = None) -> KernelMesh:
+def move_outliers(mesh: KernelMesh, edges: BoolArray | None = None) -> KernelMesh:
     """Move every vertex with a large residual onto its own robust patch.
 
     The surface is learned from the result: otherwise outliers would count as noise and shape. Neighbourhoods end at the
     sharp edges of the mesh without single spikes, and at `edges` (n,), if others are known.
     """
     n = len(mesh.vertices)
-    mesh = recompute_barriers(mesh, adjacency)
+    mesh = recompute_barriers(mesh)
     if len(mesh.faces):
-        mesh = mesh._replace(vertices=move_folded_vertices(TriangleMesh(mesh.vertices, mesh.faces), adjacency).vertices)
+        mesh = mesh._replace(vertices=move_folded_vertices(mesh.prepared()).vertices)
     if edges is not None:
         mesh = mesh._replace(barriers=mesh.barriers | edges)
     every = np.arange(n, dtype=np.int32)
@@ -52,7 +50,7 @@ def move_outliers(mesh: KernelMesh, adjacency: Adjacency, edges: BoolArray | Non
         mesh, distances, geometry.rings_used > 0
     )
     is_far &= ~(mesh.barriers | _is_on_edge(mesh, moves))
-    return replace_vertices(mesh, adjacency, np.where(is_far[:, np.newaxis], mesh.vertices + moves, mesh.vertices))
+    return replace_vertices(mesh, np.where(is_far[:, np.newaxis], mesh.vertices + moves, mesh.vertices))
 
 
 def _attempts() -> list[FitAttempt]:

@@ -19,9 +19,9 @@ from bezier_filters.arguments import brief_repr
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError, is_integer, is_real
 from bezier_filters.holes.loops import angle_sums, diameter, plane_axes, points_in_polygon, vector_area
-from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.half_edges import BorderEdges, border_edges, coincident_border_edges, cycles
 from bezier_filters.meshes.mesh import TriangleMesh, check_selection
+from bezier_filters.meshes.prepared_mesh import PreparedMesh
 from bezier_filters.meshes.self_intersections import faces_in_boxes
 from bezier_filters.meshes.triangles import area_vectors
 
@@ -62,7 +62,7 @@ class Hole:
         return self.non_manifold_edges or sum(len(loop) for loop in self.loops)
 
 
-def find_holes(mesh: TriangleMesh, adjacency: Adjacency) -> list[Hole]:
+def find_holes(mesh: PreparedMesh) -> list[Hole]:
     """Find all holes and outer rims, ordered by the smallest vertex of their rim.
 
     If several borders meet at a vertex, each continues with the next edge across its gap. A sheet inside a hole, near
@@ -72,10 +72,10 @@ def find_holes(mesh: TriangleMesh, adjacency: Adjacency) -> list[Hole]:
     another border.
     """
     holes = []
-    border = border_edges(mesh, adjacency.on_boundary)
+    border = border_edges(mesh, mesh.adjacency.on_boundary)
     n, doubled = mesh.vertex_count, coincident_border_edges(mesh, border)
     cracks = np.sort((border.start * np.int64(n) + border.end)[doubled])
-    loops, rest = _border_loops(mesh, adjacency, border)
+    loops, rest = _border_loops(mesh, border)
     for loop, gaps in loops:
         turning = float((gaps - pi).sum())
         # Sheets that touch at a vertex share one loop, but each has its own rim.
@@ -123,7 +123,7 @@ def simple_loops(loop: IntArray) -> list[IntArray]:
 
 
 def _border_loops(
-    mesh: TriangleMesh, adjacency: Adjacency, border: BorderEdges
+    mesh: PreparedMesh, border: BorderEdges
 ) -> tuple[list[tuple[IntArray, FloatArray]], list[tuple[IntArray, IntArray]]]:
     """Loops of border half-edges, in the direction of their faces, with the gap angle at each vertex, (k,).
 
@@ -142,13 +142,13 @@ def _border_loops(
     undetermined[np.concatenate([*components, np.empty(0, dtype=np.int64)])] = True
     rest = [(start[component], end[component]) for component in components]
     successor = np.where(undetermined, np.arange(len(start)), first).astype(np.int32)
-    around = mesh.faces[np.unique(adjacency.faces.of(end))]
+    around = mesh.faces[np.unique(mesh.adjacency.faces.of(end))]
     gaps = 2.0 * pi - angle_sums(mesh.vertices, around, mesh.vertex_count)[end]  # at the end of each half-edge
     by_end = np.argsort(end, kind="stable")
     for vertex in np.unique(end[(last - first > 1) & ~undetermined]):
         arriving = by_end[slice(*np.searchsorted(end, [vertex, vertex + 1], sorter=by_end))]
         leaving = np.arange(*np.searchsorted(start, [vertex, vertex + 1]))
-        following, angles = _match_across_gaps(mesh, adjacency, vertex, start[arriving], end[leaving])
+        following, angles = _match_across_gaps(mesh, vertex, start[arriving], end[leaving])
         successor[arriving], gaps[arriving] = leaving[following], angles
     return [(end[loop], gaps[loop]) for loop in cycles(successor, np.flatnonzero(~undetermined).astype(np.int32))], rest
 
@@ -165,14 +165,14 @@ def _ambiguous_components(ambiguous: BoolArray, start: IntArray, end: IntArray, 
 
 
 def _match_across_gaps(
-    mesh: TriangleMesh, adjacency: Adjacency, vertex: int, before: IntArray, after: IntArray
+    mesh: PreparedMesh, vertex: int, before: IntArray, after: IntArray
 ) -> tuple[IntArray, FloatArray]:
     """Match arriving to departing half-edges at a vertex with several fans of faces; also return the gap angles.
 
     Half-edges are given by their other ends. Seen along the normal, each continues with the next one counter-clockwise:
     the assignment with the least sum of gap angles.
     """
-    normal = area_vectors(mesh.vertices, mesh.faces[adjacency.faces.row(vertex)]).sum(axis=0)
+    normal = area_vectors(mesh.vertices, mesh.faces[mesh.adjacency.faces.row(vertex)]).sum(axis=0)
     x, y, _ = plane_axes(normal if normal.any() else np.array([0.0, 0.0, 1.0]))
 
     def bearings(ids: IntArray) -> FloatArray:

@@ -30,8 +30,8 @@ from bezier_filters.holes.fill_methods import (
 from bezier_filters.holes.hole_detection import HoleChoice, find_holes
 from bezier_filters.holes.influence_region import hole_surroundings, influence_regions
 from bezier_filters.holes.planar_fill import Correction
-from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import check_selection, takes_arrays, triangle_mesh
+from bezier_filters.meshes.prepared_mesh import prepare_mesh
 from bezier_filters.meshes.self_intersections import faces_in_boxes
 from bezier_filters.meshes.unit_size import LENGTH, normalizes_size
 from bezier_filters.patches.patch_fit import PatchFit
@@ -209,7 +209,7 @@ def fill_holes(
     >>> bool(np.abs(np.linalg.norm(new, axis=1) - 1.0).max() < 1e-3)
     True
     """
-    mesh = triangle_mesh(vertices, faces)
+    mesh = prepare_mesh(triangle_mesh(vertices, faces))
     if method not in FILL_METHODS:
         raise InvalidParameterError(f"method: got {method!r}, expected one of {tuple(FILL_METHODS)}")
     check_noise(noise)
@@ -222,17 +222,17 @@ def fill_holes(
     if method != "paper" and not refine:
         raise InvalidParameterError(f"refine: method={method!r} always refines; leave it out")
     choice = HoleChoice(max_edges, max_perimeter, max_diameter, holes, selected, outer_rims)
-    adjacency = vertex_adjacency(mesh)
     if on_border is not None:
-        adjacency = replace(adjacency, on_boundary=check_selection(on_border, mesh.vertex_count, "on_border"))
-    found = find_holes(mesh, adjacency)
+        border = check_selection(on_border, mesh.vertex_count, "on_border")
+        mesh = replace(mesh, adjacency=replace(mesh.adjacency, on_boundary=border))
+    found = find_holes(mesh)
     choice.check(mesh.vertex_count, len(found))
     refusals = [choice.refusal(k, hole) for k, hole in enumerate(found)]
     # The fill of the outer rim of a curved sheet may intersect the fills of its holes, which have priority.
     numbers = sorted(np.flatnonzero([not refusal for refusal in refusals]), key=lambda k: found[k].is_outer_rim)
     chosen = [found[k] for k in numbers]
-    regions = influence_regions(mesh, adjacency, [hole.loops for hole in chosen])
-    surroundings = hole_surroundings(mesh, adjacency, regions, noise)
+    regions = influence_regions(mesh, [hole.loops for hole in chosen])
+    surroundings = hole_surroundings(mesh, regions, noise)
     boxes = np.array([hole_box(mesh, hole) for hole in chosen]).reshape(-1, 2, 3)
     nearby_faces = faces_in_boxes(mesh.vertices, mesh.faces, boxes[:, 0], boxes[:, 1])
     reports = [

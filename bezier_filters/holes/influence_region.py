@@ -12,11 +12,10 @@ import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.estimation.estimate import geometry_where
-from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.frames import unit_face_normals
 from bezier_filters.meshes.half_edges import HalfEdgeLists, face_at_edge, half_edge_lists, normals_along
-from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.neighbourhoods import rings_around, search_workspace
+from bezier_filters.meshes.prepared_mesh import PreparedMesh
 from bezier_filters.meshes.triangles import angle_parts, edge_length
 from bezier_filters.runtime.cached_property import cached_property
 from bezier_filters.runtime.jit import jit, short_jit
@@ -115,16 +114,16 @@ class InfluenceRegion:
 
 
 def influence_regions(
-    mesh: TriangleMesh, adjacency: Adjacency, holes: Sequence[tuple[IntArray, ...]], rings: int = INFLUENCE_RINGS
+    mesh: PreparedMesh, holes: Sequence[tuple[IntArray, ...]], rings: int = INFLUENCE_RINGS
 ) -> list[InfluenceRegion]:
     """Collect rings of the mesh, at least one, around the loops of each hole."""
     # The scratch arrays have the size of the mesh, but only the entries of the regions are touched.
     scratch, place = search_workspace(mesh.vertex_count), np.empty(mesh.vertex_count, dtype=np.int32)
     is_found, found = np.zeros(mesh.face_count, dtype=np.bool_), np.empty(mesh.face_count, dtype=np.int32)
-    regions = []
+    at_vertex, regions = mesh.adjacency.faces, []
     for loops in holes:
-        ids, ring = rings_around(adjacency.vertices, np.unique(np.concatenate(loops)), rings, scratch)
-        count = _collect_faces(adjacency.faces.indptr, adjacency.faces.indices, ids[ring < rings], is_found, found)
+        ids, ring = rings_around(mesh.adjacency.vertices, np.unique(np.concatenate(loops)), rings, scratch)
+        count = _collect_faces(at_vertex.indptr, at_vertex.indices, ids[ring < rings], is_found, found)
         place[ids] = np.arange(len(ids), dtype=np.int32)
         faces, own = place[mesh.faces[np.sort(found[:count])]], tuple(place[loop] for loop in loops)
         regions.append(InfluenceRegion(ids, ring, mesh.vertices[ids], faces, own))
@@ -197,9 +196,7 @@ class HoleSurroundings:
     regions: list[InfluenceRegion]  # with denoised coordinates, if noise hides sharp edges
 
 
-def hole_surroundings(
-    mesh: TriangleMesh, adjacency: Adjacency, regions: list[InfluenceRegion], noise: float | None
-) -> HoleSurroundings:
+def hole_surroundings(mesh: PreparedMesh, regions: list[InfluenceRegion], noise: float | None) -> HoleSurroundings:
     """Estimate normals around the holes, and the noise if it is not given."""
     if not regions:
         return HoleSurroundings(np.zeros_like(mesh.vertices), noise, regions)
@@ -212,7 +209,7 @@ def hole_surroundings(
         selected[np.concatenate(fitted)] = True
         return selected
 
-    geometry = geometry_where(mesh, adjacency, select)
+    geometry = geometry_where(mesh, select)
     normals = np.zeros_like(mesh.vertices)
     for ids in fitted:
         normals[ids] = geometry.normals[ids]

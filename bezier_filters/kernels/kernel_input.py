@@ -5,10 +5,10 @@ from typing import NamedTuple
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray, SingleArray
-from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
-from bezier_filters.meshes.frames import NO_SAFE_COSINE, TangentPlanes, smooth_normals, tangent_planes
+from bezier_filters.meshes.adjacency import Adjacency, Rows
+from bezier_filters.meshes.frames import NO_SAFE_COSINE, TangentPlanes, smooth_normals
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.meshes.sharp_edges import sharp_edge_vertices
+from bezier_filters.meshes.prepared_mesh import PreparedMesh, prepare_mesh
 from bezier_filters.meshes.spatial_order import SpatialOrder
 from bezier_filters.meshes.spikes import remove_spikes
 
@@ -35,11 +35,17 @@ class KernelMesh(NamedTuple):
     face_indices: IntArray
     ring_ptr: IntArray
     ring_indices: IntArray
+    on_boundary: BoolArray
     normals: FloatArray
     safe_cosine: SingleArray
     barriers: BoolArray  # vertices that neighbourhoods do not extend across: see `collect_ring`
     origin: IntArray  # row of each vertex in the results
     x_axes: FloatArray  # (n, 3): given directions of the x axes of local frames; (0, 3) if the points determine them
+
+    def prepared(self) -> PreparedMesh:
+        """The mesh and its adjacency."""
+        around, neighbours = Rows(self.face_ptr, self.face_indices), Rows(self.ring_ptr, self.ring_indices)
+        return PreparedMesh(self.vertices, self.faces, Adjacency(around, neighbours, self.on_boundary))
 
 
 def kernel_mesh(
@@ -57,6 +63,7 @@ def kernel_mesh(
         adjacency.faces.indices,
         adjacency.vertices.indptr,
         adjacency.vertices.indices,
+        adjacency.on_boundary,
         planes.normals,
         planes.safe_cosine,
         hubs(adjacency.vertices.indptr) if barriers is None else barriers | hubs(adjacency.vertices.indptr),
@@ -70,14 +77,10 @@ def hubs(ring_ptr: IntArray) -> BoolArray:
     return np.asarray(np.diff(ring_ptr) > MAX_VALENCE)
 
 
-def prepare_kernel_mesh(
-    mesh: TriangleMesh, ordered: SpatialOrder | None = None, adjacency: Adjacency | None = None, *, creases: bool
-) -> tuple[KernelMesh, Adjacency]:
-    """Compute adjacency (unless given), tangent planes and sharp edges of a mesh, and collect them for the kernels."""
-    adjacency = adjacency or vertex_adjacency(mesh)
-    planes = tangent_planes(mesh, adjacency)
-    barriers = sharp_edge_vertices(mesh, adjacency, planes) if creases else None
-    return kernel_mesh(mesh, adjacency, planes, barriers, ordered), adjacency
+def prepare_kernel_mesh(mesh: TriangleMesh, ordered: SpatialOrder | None = None, *, creases: bool) -> KernelMesh:
+    """Collect a mesh, its adjacency, its tangent planes and, on request, its sharp edges for the kernels."""
+    prepared = prepare_mesh(mesh)
+    return kernel_mesh(prepared, prepared.adjacency, prepared.planes, prepared.barriers if creases else None, ordered)
 
 
 def use_smoothed_normals(mesh: KernelMesh) -> KernelMesh:
@@ -86,20 +89,18 @@ def use_smoothed_normals(mesh: KernelMesh) -> KernelMesh:
     return mesh._replace(normals=normals, safe_cosine=np.full(len(normals), NO_SAFE_COSINE, dtype=np.float32))
 
 
-def recompute_barriers(mesh: KernelMesh, adjacency: Adjacency) -> KernelMesh:
+def recompute_barriers(mesh: KernelMesh) -> KernelMesh:
     """Replace the barriers by the sharp edges of the mesh without isolated spikes."""
     if not len(mesh.faces):
         return mesh
-    flat = remove_spikes(TriangleMesh(mesh.vertices, mesh.faces), adjacency)
-    barriers = sharp_edge_vertices(flat, adjacency, tangent_planes(flat, adjacency))
-    return mesh._replace(barriers=barriers | hubs(mesh.ring_ptr))
+    return mesh._replace(barriers=remove_spikes(mesh.prepared()).barriers | hubs(mesh.ring_ptr))
 
 
-def replace_vertices(mesh: KernelMesh, adjacency: Adjacency, vertices: FloatArray) -> KernelMesh:
+def replace_vertices(mesh: KernelMesh, vertices: FloatArray) -> KernelMesh:
     """Replace the vertices and recompute the tangent planes; a point cloud keeps its planes."""
     if not len(mesh.faces):
         return mesh._replace(vertices=vertices)
-    planes = tangent_planes(TriangleMesh(vertices, mesh.faces), adjacency)
+    planes = mesh.prepared().move(vertices).planes
     return mesh._replace(vertices=vertices, normals=planes.normals, safe_cosine=planes.safe_cosine)
 
 

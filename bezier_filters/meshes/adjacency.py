@@ -138,20 +138,6 @@ def umbrella_vectors(rows: Rows, points: FloatArray) -> FloatArray:
     return result
 
 
-def mean_edge(mesh: TriangleMesh, adjacency: Adjacency) -> float:
-    """Mean length of the edges; 0 if there are none."""
-    lengths = edge_lengths(mesh, adjacency)
-    return float(lengths.mean()) if len(lengths) else 0.0
-
-
-def longest_edges(mesh: TriangleMesh, adjacency: Adjacency) -> FloatArray:
-    """Length of the longest edge at every vertex, (n,); 0 without any."""
-    lengths, longest = edge_lengths(mesh, adjacency), np.zeros(mesh.vertex_count)
-    has_edges = np.flatnonzero(adjacency.vertices.lengths)
-    longest[has_edges] = np.maximum.reduceat(lengths, adjacency.vertices.indptr[has_edges]) if len(has_edges) else 0.0
-    return longest
-
-
 def closed_components(mesh: TriangleMesh, adjacency: Adjacency) -> tuple[IntArray, IntArray]:
     """Number of the closed component that each vertex belongs to, -1 for none, (n,), and their first vertices, (c,).
 

@@ -22,7 +22,7 @@ from scipy.special import ndtr
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.meshes.adjacency import Adjacency
-from bezier_filters.meshes.frames import MAX_FACE_TILT, TangentPlanes, smooth_normals, tangent_planes
+from bezier_filters.meshes.frames import MAX_FACE_TILT, TangentPlanes, smooth_normals
 from bezier_filters.meshes.half_edges import MeshEdges
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.triangles import cosine_between, has_corner, next_corner
@@ -64,19 +64,18 @@ def certainties(edges: MeshEdges, noise: float, angle: float = SHARP_ANGLE) -> F
     return np.asarray(ndtr((edges.angles - angle) / deviations), dtype=np.float64)
 
 
-def may_have_sharp_edges(mesh: TriangleMesh, adjacency: Adjacency) -> bool:
-    """Whether smoothed normals differ anywhere as much as at a sharp edge: a fast test, also under noise.
+def may_have_sharp_edges(adjacency: Adjacency, normals: FloatArray) -> bool:
+    """Whether smoothed vertex normals (n, 3) differ anywhere as much as at a sharp edge: a fast test, also under noise.
 
-    >>> from bezier_filters.meshes.adjacency import vertex_adjacency
     >>> from bezier_filters.meshes.mesh import triangle_mesh
+    >>> from bezier_filters.meshes.prepared_mesh import prepare_mesh
     >>> from bezier_filters.surfaces import block_with_sharp_edges, sphere
     >>> ball = sphere(resolution=20)
     >>> meshes = [triangle_mesh(*block_with_sharp_edges(resolution=8)), triangle_mesh(ball.vertices, ball.faces)]
-    >>> [may_have_sharp_edges(mesh, vertex_adjacency(mesh)) for mesh in meshes]
+    >>> [may_have_sharp_edges(mesh.adjacency, mesh.planes.normals) for mesh in map(prepare_mesh, meshes)]
     [True, False]
     """
-    rows, normals = adjacency.vertices, tangent_planes(mesh, adjacency).normals
-    nowhere = np.zeros(mesh.vertex_count, dtype=np.bool_)
+    rows, nowhere = adjacency.vertices, np.zeros(len(normals), dtype=np.bool_)
     for _ in range(2):
         normals = smooth_normals(normals, rows.indptr, rows.indices, nowhere)
     return bool(_turns(rows.indptr, rows.indices, normals, cos(MIN_SMOOTHED_ANGLE)))

@@ -15,6 +15,7 @@ from scipy.sparse.csgraph import reverse_cuthill_mckee
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.meshes.prepared_mesh import PreparedMesh
 from bezier_filters.runtime.jit import inner_jit, jit
 from bezier_filters.runtime.parallel import run_kernel
 
@@ -97,17 +98,17 @@ def _count_jumps(indptr: IntArray, indices: IntArray) -> int:
     return count
 
 
-def ensure_locality(mesh: TriangleMesh, adjacency: Adjacency) -> SpatialOrder:
+def ensure_locality(mesh: PreparedMesh) -> SpatialOrder:
     """The mesh in its own order if it has locality, else in `cuthill_mckee_order`."""
-    return identity_order(mesh) if has_locality(adjacency) else cuthill_mckee_order(mesh, adjacency)
+    return identity_order(mesh) if has_locality(mesh.adjacency) else cuthill_mckee_order(mesh)
 
 
-def cuthill_mckee_order(mesh: TriangleMesh, adjacency: Adjacency) -> SpatialOrder:
+def cuthill_mckee_order(mesh: PreparedMesh) -> SpatialOrder:
     """The mesh in the reverse Cuthill-McKee order (Cuthill and McKee 1969), level by level.
 
     For repeated means over neighbours it is faster than the Morton order: levels are read sequentially.
     """
-    n, rows = mesh.vertex_count, adjacency.vertices
+    n, rows = mesh.vertex_count, mesh.adjacency.vertices
     graph = csr_array((np.ones(len(rows.indices), dtype=np.int8), rows.indices, rows.indptr), shape=(n, n))
     order = reverse_cuthill_mckee(graph, symmetric_mode=True).astype(np.int32)
     rank = np.empty(n, dtype=np.int32)

@@ -3,8 +3,7 @@
 import numpy as np
 
 from bezier_filters.arrays import FloatArray, IntArray
-from bezier_filters.meshes.adjacency import Adjacency
-from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.meshes.prepared_mesh import PreparedMesh
 from bezier_filters.meshes.triangles import next_corner
 from bezier_filters.runtime.jit import jit
 from bezier_filters.runtime.parallel import run_kernel
@@ -16,39 +15,38 @@ MIN_SPIKE_HEIGHT, MIN_SPIKE_RATIO = 0.25, 8.0
 MAX_FLAT_DEVIATION = 0.25
 
 
-def remove_spikes(mesh: TriangleMesh, adjacency: Adjacency) -> TriangleMesh:
+def remove_spikes(mesh: PreparedMesh) -> PreparedMesh:
     """Move every spike, and every folded vertex, to the centroid of its neighbours.
 
     The edges around a spike are sharp, but they are not edges of the surface.
 
-    >>> from bezier_filters.meshes.adjacency import vertex_adjacency
     >>> from bezier_filters.meshes.mesh import triangle_mesh
+    >>> from bezier_filters.meshes.prepared_mesh import prepare_mesh
     >>> from bezier_filters.surfaces import sphere
     >>> ball = sphere(resolution=20)
     >>> vertices = ball.vertices.copy()
     >>> vertices[100] *= 1.1
-    >>> mesh = triangle_mesh(vertices, ball.faces)
-    >>> flat = remove_spikes(mesh, vertex_adjacency(mesh)).vertices
+    >>> flat = remove_spikes(prepare_mesh(triangle_mesh(vertices, ball.faces))).vertices
     >>> np.flatnonzero((flat != vertices).any(axis=1)), bool(0.99 < np.linalg.norm(flat[100]) < 1.0)
     (array([100]), True)
     """
-    return _move_to_centroids(mesh, adjacency, True)
+    return _move_to_centroids(mesh, True)
 
 
-def move_folded_vertices(mesh: TriangleMesh, adjacency: Adjacency) -> TriangleMesh:
+def move_folded_vertices(mesh: PreparedMesh) -> PreparedMesh:
     """Move every vertex outside of the polygon of its neighbours, if that is nearly flat, to their centroid.
 
     Some faces of such a vertex are folded over.
     """
-    return _move_to_centroids(mesh, adjacency, False)
+    return _move_to_centroids(mesh, False)
 
 
-def _move_to_centroids(mesh: TriangleMesh, adjacency: Adjacency, spikes: bool) -> TriangleMesh:
-    points, at_vertex = mesh.vertices.copy(), adjacency.faces
-    inside = np.flatnonzero(~adjacency.on_boundary).astype(np.int32)
+def _move_to_centroids(mesh: PreparedMesh, spikes: bool) -> PreparedMesh:
+    points, at_vertex = mesh.vertices.copy(), mesh.adjacency.faces
+    inside = np.flatnonzero(~mesh.adjacency.on_boundary).astype(np.int32)
     arrays = mesh.vertices, mesh.faces, at_vertex.indptr, at_vertex.indices
     run_kernel(_write_centroids, len(inside), *arrays, inside, points, spikes)
-    return TriangleMesh(points, mesh.faces)
+    return mesh.move(points)
 
 
 @jit()

@@ -19,6 +19,7 @@ from bezier_filters.meshes.half_edges import (
     proper_faces,
 )
 from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
+from bezier_filters.meshes.prepared_mesh import prepare_mesh
 from bezier_filters.meshlab.meshset import (
     BezierFilterError,
     CurrentMesh,
@@ -112,8 +113,7 @@ def _ask_for_topology(vertices: FloatArray, faces: IntArray) -> Topology:
         on_border[proper[beyond[:, k] < 0][:, [k, (k + 1) % 3]]] = True
     counts: Report = {name: measures[key] for name, key in _MEASURES.items()} | {"boundary_loops_by": "pymeshlab"}
     if counts["boundary_loops"] < 0:
-        mesh = triangle_mesh(vertices, proper)
-        holes = find_holes(mesh, vertex_adjacency(mesh))
+        holes = find_holes(prepare_mesh(triangle_mesh(vertices, proper)))
         loops = None if any(hole.non_manifold_edges for hole in holes) else sum(len(hole.loops) for hole in holes)
         counts |= {"genus": None, "boundary_loops": loops, "boundary_loops_by": "bezier_filters"}
     is_coherent = not incoherent_vertices(proper, vertex_adjacency(TriangleMesh(vertices, proper))).any()

@@ -205,7 +205,7 @@ def _no_curvature(status: FitStatus) -> str:
 def fit_tile(store: Store, fit: SurfaceFit, creases: bool, tile: int) -> tuple[VertexGeometry, TilePart]:
     """Estimate the vertices of a tile as in the whole mesh; also returns the part of the mesh that was read."""
     part = tile_part(store, tile, rings_needed(fit))
-    arrays, _ = mesh_to_fit(part.mesh, creases, fit.cleaned, fit.steady)
+    arrays = mesh_to_fit(part.mesh, creases, fit.cleaned, fit.steady)
     own = np.arange(part.own.start, part.own.stop, dtype=np.int32)
     arrays = arrays._replace(origin=np.arange(len(part.ids), dtype=np.int32) - own[0])
     geometry = empty_geometry(len(own))

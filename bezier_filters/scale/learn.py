@@ -23,9 +23,9 @@ from bezier_filters.fitting.noise_level import estimate_noise
 from bezier_filters.fitting.outlier_removal import OUTLIER_REACH, move_outliers
 from bezier_filters.fitting.vertex_geometry import empty_geometry
 from bezier_filters.kernels.kernel_input import KernelMesh, prepare_kernel_mesh, use_smoothed_normals
-from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
-from bezier_filters.meshes.frames import NORMAL_SMOOTHING_ROUNDS, tangent_planes
+from bezier_filters.meshes.frames import NORMAL_SMOOTHING_ROUNDS
 from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.meshes.prepared_mesh import prepare_mesh
 from bezier_filters.patches.patch_fit import PatchFit
 from bezier_filters.patches.smoothness import Smoothness
 from bezier_filters.scale.halo import Part, part_around, part_around_samples, restore_source_order, tile_part
@@ -104,7 +104,7 @@ def learn_fit(store: Store, options: FitOptions) -> SurfaceFit:
     reach = _reach(_widest(fit.attempts), mode, fit.cleaned)
     part = part_around_samples(store, known, reach)
     local = part.local(known)
-    arrays, _ = mesh_to_fit(part.mesh, options.creases, fit.cleaned, fit.steady)
+    arrays = mesh_to_fit(part.mesh, options.creases, fit.cleaned, fit.steady)
     geometry = empty_geometry(len(arrays.vertices))
     fit_with_fallbacks(arrays, local, fit.attempts, geometry, robust=fit.robust)
     features = first_features(geometry, local)
@@ -171,21 +171,21 @@ def _sample_at(
 ) -> NeighbourhoodSample:
     """Sample the neighbourhoods of some vertices."""
     part = part_around_samples(store, centers, _reach(rings, mode, without))
-    arrays, adjacency = mesh_to_fit(part.mesh, options.creases, without)
-    return sample_by_mode(arrays, adjacency, part.local(centers), rings, mode)._replace(centers=centers)
+    arrays = mesh_to_fit(part.mesh, options.creases, without)
+    return sample_by_mode(arrays, part.local(centers), rings, mode)._replace(centers=centers)
 
 
-def mesh_to_fit(mesh: TriangleMesh, creases: bool, without: bool, steady: bool = False) -> tuple[KernelMesh, Adjacency]:
+def mesh_to_fit(mesh: TriangleMesh, creases: bool, without: bool, steady: bool = False) -> KernelMesh:
     """Kernel input for a part of a mesh, on request without outliers and with smoothed normals; see `_reach`."""
-    arrays, adjacency = prepare_kernel_mesh(mesh, creases=creases)
+    arrays = prepare_kernel_mesh(mesh, creases=creases)
     if without:
-        arrays = move_outliers(arrays, adjacency)
-    return use_smoothed_normals(arrays) if steady else arrays, adjacency
+        arrays = move_outliers(arrays)
+    return use_smoothed_normals(arrays) if steady else arrays
 
 
 def _have_normals(part: Part) -> BoolArray:
     """Whether vertices have a normal."""
-    return np.asarray(tangent_planes(part.mesh, vertex_adjacency(part.mesh)).normals.any(axis=1))
+    return np.asarray(prepare_mesh(part.mesh).planes.normals.any(axis=1))
 
 
 def _normal_population(store: Store) -> Population:
@@ -203,8 +203,7 @@ def sample_store_parts(store: Store, around: Sequence[int] = ()) -> MeshPart:
     n = store.layout.vertex_count
     samples = sample_vertices(n, around, partial(_grow_from_seed, store))
     ids, mesh = restore_source_order(store, part_around(store, np.sort(_ranks(store, samples[0])), 1))
-    numbers, adjacency = store.sources(ids), vertex_adjacency(mesh)
-    return mesh_part(mesh, adjacency, numbers, samples, n)
+    return mesh_part(prepare_mesh(mesh), store.sources(ids), samples, n)
 
 
 def _grow_from_seed(store: Store, seed: int) -> IntArray:
@@ -213,7 +212,7 @@ def _grow_from_seed(store: Store, seed: int) -> IntArray:
     seeds, rings = np.array([seed], dtype=np.int32), INITIAL_RINGS
     while True:
         ids, mesh = restore_source_order(store, part_around(store, np.sort(_ranks(store, seeds)), rings))
-        numbers, rows = store.sources(ids), vertex_adjacency(mesh).vertices
+        numbers, rows = store.sources(ids), prepare_mesh(mesh).adjacency.vertices
         seen = np.isin(numbers, found)
         for seed, place in zip(seeds.tolist(), np.searchsorted(numbers, seeds).tolist(), strict=True):
             if seen[place]:

@@ -13,8 +13,9 @@ from bezier_filters.errors import InvalidParameterError
 from bezier_filters.fields import PREFIX, QUALITY
 from bezier_filters.fitting.adaptive_fit import SurfaceFit
 from bezier_filters.fitting.outlier_removal import OUTLIER_REACH
-from bezier_filters.meshes.adjacency import Adjacency, incoherent_vertices, vertex_adjacency
+from bezier_filters.meshes.adjacency import incoherent_vertices
 from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.meshes.prepared_mesh import PreparedMesh, prepare_mesh
 from bezier_filters.meshes.spatial_order import cuthill_mckee_order
 from bezier_filters.runtime.atomic import atomic_write
 from bezier_filters.runtime.parallel import single_threaded_blas
@@ -301,43 +302,43 @@ def measure_tile(store: Store, sigma: float, tile: int) -> tuple[Values, TileRep
     """Component labels of a tile, and the roughest vertex if the mesh is large."""
     is_large = store.layout.vertex_count > MAX_WHOLE_VERTICES and sigma > 0.0
     part = tile_part(store, tile, ROUGHNESS_RINGS if is_large else 1)
-    adjacency = vertex_adjacency(part.mesh)
+    mesh = prepare_mesh(part.mesh)
     values, ids = np.zeros(1), np.zeros(1, dtype=np.int32)
     if is_large:
-        piece = _mesh_part(store, part, adjacency)
+        piece = _mesh_part(store, part, mesh)
         values, ids = roughness(piece, sigma)[part.own], piece.ids[part.own]
     places = roughest_vertices(values, ids)
-    incoherent = incoherent_vertices(part.mesh.faces, adjacency)[part.own].any()
+    incoherent = incoherent_vertices(mesh.faces, mesh.adjacency)[part.own].any()
     sums = {"roughness": values[places].tolist(), "roughest": ids[places].tolist(), "incoherent": [float(incoherent)]}
-    return label_vertices(part, adjacency), TileReport(tile, len(part.ids), sums)
+    return label_vertices(part, mesh.adjacency), TileReport(tile, len(part.ids), sums)
 
 
 def clean_tile(store: Store, tile: int) -> tuple[Values, TileReport]:
     """Vertices of a tile after the removal of outliers."""
     part = tile_part(store, tile, OUTLIER_REACH)
-    points = move_mesh_outliers(part.mesh, vertex_adjacency(part.mesh)).vertices
+    points = move_mesh_outliers(prepare_mesh(part.mesh)).vertices
     return table_of(points[part.own], {}), TileReport(tile, len(part.ids), {})
 
 
 def correct_tile(measured: Store, smoothed: Store, impulses: Impulses, tile: int) -> tuple[Values, TileReport]:
     """Measured vertices of a tile, without those hit by impulses."""
     part = tile_part(smoothed, tile, SLIDING_RINGS)
-    points = remove_impulses(measured.coordinates_of(part.ids), part.mesh, vertex_adjacency(part.mesh), impulses)
+    points = remove_impulses(measured.coordinates_of(part.ids), prepare_mesh(part.mesh), impulses)
     return table_of(points[part.own], {}), TileReport(tile, len(part.ids), {})
 
 
-def _mesh_part(store: Store, part: TilePart, adjacency: Adjacency) -> MeshPart:
+def _mesh_part(store: Store, part: TilePart, mesh: PreparedMesh) -> MeshPart:
     core = np.zeros(len(part.ids), dtype=np.bool_)
     core[part.own] = True
-    return MeshPart(part.mesh, adjacency, store.sources(part.ids), part.cut, core, store.layout.vertex_count)
+    return MeshPart(mesh, store.sources(part.ids), part.cut, core, store.layout.vertex_count)
 
 
 def _denoise_part(store: Store, part: TilePart, plan: SmoothingPlan) -> tuple[FloatArray, FloatArray]:
     """Denoised vertices of a part, (k, 3), and weights of sharp estimates, (k,)."""
-    adjacency = vertex_adjacency(part.mesh)
-    ordered = cuthill_mckee_order(part.mesh, adjacency)  # faster than the Morton order for repeated filters
-    piece = reorder_part(_mesh_part(store, part, adjacency), ordered)
-    del adjacency  # saves memory
+    mesh = prepare_mesh(part.mesh)
+    ordered = cuthill_mckee_order(mesh)  # faster than the Morton order for repeated filters
+    piece = reorder_part(_mesh_part(store, part, mesh), ordered)
+    del mesh  # saves memory
     found = denoise(piece, plan)
     return ordered.restore_order(found.points), ordered.restore_order(found.sharpness)
 
@@ -359,21 +360,20 @@ def smooth_tile(
     volumes of closed components are reported if `stored` is given.
     """
     part = tile_part(current, tile, reach)
-    mesh, own = part.mesh, part.own
+    mesh, own = prepare_mesh(part.mesh), part.own
     points, sharpness = mesh.vertices, np.zeros(len(part.ids))
     if plan is not None:
         points, sharpness = _denoise_part(current, part, plan)
-    adjacency = vertex_adjacency(mesh)
-    movable = _movable(adjacency, fixed)
+    movable = _movable(mesh, fixed)
     if is_cleaned:
-        points = unfold_surface(mesh, adjacency, points)
+        points = unfold_surface(mesh, points)
     points = np.where(movable[:, np.newaxis], points, mesh.vertices)
     rows = table_of(points[own], {SHARPNESS: sharpness[own]})
     sums: dict[str, list[float]] = {}
     if stored is not None:
-        before = TriangleMesh(first.coordinates_of(part.ids), mesh.faces)
+        before = mesh.move(first.coordinates_of(part.ids))
         components, numbers = stored.select(part.ids)
-        moves = outward_moves(TriangleMesh(points, mesh.faces), local_movement(before, adjacency, points) * movable)
+        moves = outward_moves(mesh.move(points), local_movement(before, points) * movable)
         of_tile = mesh.faces[part.faces_of_tile()]
         volumes = component_volumes(components, TriangleMesh(before.vertices, of_tile))
         along = volumes_along(components, TriangleMesh(points, of_tile), moves)
@@ -381,9 +381,9 @@ def smooth_tile(
     return rows, TileReport(tile, len(part.ids), sums)
 
 
-def _movable(adjacency: Adjacency, fixed: bool) -> BoolArray:
+def _movable(mesh: PreparedMesh, fixed: bool) -> BoolArray:
     """Vertices that may move."""
-    return ~adjacency.on_boundary if fixed else np.ones(len(adjacency.on_boundary), dtype=np.bool_)
+    return ~mesh.adjacency.on_boundary if fixed else np.ones(mesh.vertex_count, dtype=np.bool_)
 
 
 def finish_tile(
@@ -401,21 +401,19 @@ def finish_tile(
     oriented; each moves outwards by its step times the movement of its vertices.
     """
     part = tile_part(before, tile, FINISH_RINGS)
-    mesh, own, adjacency = part.mesh, part.own, vertex_adjacency(part.mesh)
+    mesh, own = prepare_mesh(part.mesh), part.own
     points = smoothed.coordinates_of(part.ids)
     components, numbers = (None, None) if stored is None else stored.select(part.ids)
     if components is not None and steps is not None and components.count:
-        amounts = local_movement(mesh, adjacency, points) * _movable(adjacency, fixed)
+        amounts = local_movement(mesh, points) * _movable(mesh, fixed)
         of_components = np.array(steps.memory_map()[numbers])
-        points = apply_moves(
-            components, points, of_components, outward_moves(TriangleMesh(points, mesh.faces), amounts)
-        )
-    points = repair_flipped_faces(mesh, adjacency, points)
+        points = apply_moves(components, points, of_components, outward_moves(mesh.move(points), amounts))
+    points = repair_flipped_faces(mesh, points)
     of_tile = part.faces_of_tile()
     volume = 0.0
     if components is not None:
         volume = float(component_volumes(components, TriangleMesh(points, mesh.faces[of_tile])).sum())
-    was, now = (bad_faces(TriangleMesh(at, mesh.faces), adjacency) for at in (mesh.vertices, points))
+    was, now = (bad_faces(one) for one in (mesh, mesh.move(points)))
     bad = (was.flipped, now.flipped, was.degenerate, now.degenerate, now.new_since(was))
     moved = np.linalg.norm(points[own] - mesh.vertices[own], axis=1)
     sharpness = np.max([open_tile(folder, tile).rows()[SHARPNESS] for folder in folders], axis=0)
@@ -429,7 +427,7 @@ def move_tile(first: Store, current: Store, fit: SurfaceFit, creases: bool, tile
     geometry, part = fit_tile(current, fit, creases, tile)
     displacements = np.zeros_like(part.mesh.vertices)
     displacements[part.own] = geometry.displacements
-    points = part.mesh.vertices + admissible_displacements(part.mesh, vertex_adjacency(part.mesh), displacements)
+    points = part.mesh.vertices + admissible_displacements(prepare_mesh(part.mesh), displacements)
     moved = np.linalg.norm(points[part.own] - first.coordinates(*first.layout.tile(tile)), axis=1)
     rows = table_of(points[part.own], {QUALITY: moved, DISPLACEMENT: moved})
     return rows, TileReport(tile, len(part.ids), {})

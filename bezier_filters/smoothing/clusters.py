@@ -15,7 +15,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from bezier_filters.arrays import FloatArray, IntArray, RealArray, SingleArray
-from bezier_filters.meshes.adjacency import Adjacency, Rows
+from bezier_filters.meshes.adjacency import Rows
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.runtime.jit import jit
 from bezier_filters.runtime.parallel import run_kernel
@@ -34,7 +34,7 @@ class Clusters:
 
     of_vertex: IntArray  # (n,): number of the cluster that a vertex belongs to
     sizes: IntArray  # (k,): numbers of their vertices
-    adjacency: Adjacency  # of the vertices
+    neighbours: Rows  # of the vertices
     laplacian: Laplacian  # diffusion between clusters
     time_scale: float  # diffusion time on clusters over that on the mesh for the same length
 
@@ -49,7 +49,7 @@ class Clusters:
 
     def spread_to_vertices(self, values: FloatArray) -> SingleArray:
         """Values on clusters (k, c) as means over each vertex and its neighbours, (n, c)."""
-        single, rows = values.astype(np.float32), self.adjacency.vertices
+        single, rows = values.astype(np.float32), self.neighbours
         result = np.zeros((len(self.of_vertex), values.shape[1]), dtype=np.float32)
         of_mesh = rows.indptr, rows.indices, self.of_vertex
         run_kernel(_spread_kernel, len(result), *of_mesh, single, result)
@@ -63,17 +63,17 @@ class Clusters:
 def clusters_of(part: MeshPart, time_scale: float | None = None) -> Clusters:
     """Cluster a mesh, with the time scale of the whole mesh or, by default, of this part.
 
-    >>> from bezier_filters.meshes.adjacency import vertex_adjacency
     >>> from bezier_filters.meshes.mesh import triangle_mesh
+    >>> from bezier_filters.meshes.prepared_mesh import prepare_mesh
     >>> from bezier_filters.smoothing.mesh_parts import whole_mesh
     >>> from bezier_filters.surfaces import sphere
     >>> ball = sphere(resolution=10)
-    >>> mesh = triangle_mesh(ball.vertices, ball.faces)
-    >>> clusters = clusters_of(whole_mesh(mesh, vertex_adjacency(mesh)))
+    >>> mesh = prepare_mesh(triangle_mesh(ball.vertices, ball.faces))
+    >>> clusters = clusters_of(whole_mesh(mesh))
     >>> bool(5.0 < clusters.sizes.mean() < 12.0), clusters.sizes.sum() == mesh.vertex_count
     (True, np.True_)
     """
-    mesh, adjacency, rows = part.mesh, part.adjacency, part.adjacency.vertices
+    mesh, rows = part.mesh, part.mesh.adjacency.vertices
     visits = np.argsort(random_bits(part.ids, CLUSTER_STREAM)).astype(np.int32)
     rank = np.empty_like(visits)
     rank[visits] = np.arange(len(visits), dtype=np.int32)
@@ -98,7 +98,7 @@ def clusters_of(part: MeshPart, time_scale: float | None = None) -> Clusters:
     )
     if time_scale is None:
         time_scale = _time_scale(mesh, rows, of_vertex, sizes, edges)
-    return Clusters(of_vertex, sizes, adjacency, laplacian, time_scale)
+    return Clusters(of_vertex, sizes, rows, laplacian, time_scale)
 
 
 def _time_scale(mesh: TriangleMesh, rows: Rows, of_vertex: IntArray, sizes: IntArray, joined: csr_array) -> float:

@@ -17,8 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from bezier_filters.arrays import FloatArray, SingleArray
-from bezier_filters.meshes.adjacency import Adjacency, mean_edge
-from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.meshes.prepared_mesh import PreparedMesh
 from bezier_filters.runtime.parallel import Progress, report
 from bezier_filters.smoothing.clusters import Clusters, clusters_of
 from bezier_filters.smoothing.laplacian import Borders, umbrella_laplacian
@@ -117,19 +116,18 @@ class DenoisedMesh:
 
 
 def remove_noise(
-    mesh: TriangleMesh,
-    adjacency: Adjacency,
+    mesh: PreparedMesh,
     noise: NoiseModel,
     options: SmoothingOptions,
     *,
     progress: Progress | None = None,
 ) -> DenoisedMesh:
     """Remove the noise along the normal from a mesh in memory: learn a plan from parts of it, and denoise all of it."""
-    whole, around, clusters = whole_mesh(mesh, adjacency), tuple[int, ...](), None
+    whole, around, clusters = whole_mesh(mesh), tuple[int, ...](), None
     if mesh.vertex_count > MAX_WHOLE_VERTICES and noise.sigma > 0.0:
         clusters = clusters_of(whole, DEFAULT_TIME_SCALE)
         around = (int(roughest_vertices(roughness(whole, noise.sigma, clusters), whole.ids)[0]),)
-    parts = sample_parts(mesh, adjacency, around)
+    parts = sample_parts(mesh, around)
     is_whole = parts.mesh is mesh
     shown = progress if is_whole else None
     learned = learn_plan(parts, noise, options, progress=shown)
@@ -149,7 +147,7 @@ def learn_plan(
 
     One of the parts should be around the roughest vertex of the mesh, see `roughness`.
     """
-    vertices, unit = parts.mesh.vertices, mean_edge(parts.mesh, parts.adjacency)
+    vertices, unit = parts.mesh.vertices, parts.mesh.mean_edge
     sigma = noise.sigma
     if not (sigma > MIN_NOISE_PER_EDGE * unit and unit > 0.0):
         return None
@@ -187,14 +185,13 @@ def learn_plan(
     found = [found[k] for k in select_estimates(clusters, risks, MIN_RETAINED_GAIN)]
     overall = overall_risks(_stack_estimates(found, factor), parts.core)
     kinds = tuple(candidate.kind for candidate in found)
-    mesh, adjacency = parts.mesh, parts.adjacency
-    result = _mixture(mesh, noisy, found, factor, overall, scale)
+    result = _mixture(parts.mesh, noisy, found, factor, overall, scale)
     sliding = TangentialMotion.ALL
     if not options.relax:
         sliding = choose_sliding(parts, result.points, at_vertices / scale)
     plan = SmoothingPlan(center, scale, clusters.time_scale, levels, low_pass, kinds, factor, overall, sliding)
     report(progress, PROGRESS_STEPS, PROGRESS_STEPS)
-    return plan, replace(result, points=restrict_to_normals(mesh, adjacency, result.points, sliding))
+    return plan, replace(result, points=restrict_to_normals(parts.mesh, result.points, sliding))
 
 
 def denoise(
@@ -214,7 +211,7 @@ def denoise(
     found = list(estimates)
     result = _mixture(part.mesh, noisy, found, plan.noise_factor, plan.overall, plan.scale)
     report(progress, PROGRESS_STEPS, PROGRESS_STEPS)
-    return replace(result, points=restrict_to_normals(part.mesh, part.adjacency, result.points, plan.sliding))
+    return replace(result, points=restrict_to_normals(part.mesh, result.points, plan.sliding))
 
 
 def halo_rings(plan: SmoothingPlan | None) -> int:
@@ -231,7 +228,7 @@ def halo_rings(plan: SmoothingPlan | None) -> int:
 
 
 def _normalise(part: MeshPart, center: FloatArray, scale: float) -> MeshPart:
-    return replace(part, mesh=TriangleMesh((part.mesh.vertices - center) * scale, part.mesh.faces))
+    return replace(part, mesh=part.mesh.move((part.mesh.vertices - center) * scale))
 
 
 def _stack_estimates(found: list[Candidate], factor: float = 1.0) -> Estimates:
@@ -242,7 +239,7 @@ def _stack_estimates(found: list[Candidate], factor: float = 1.0) -> Estimates:
 
 
 def _mixture(
-    mesh: TriangleMesh, noisy: NoisyMesh, found: list[Candidate], factor: float, overall: FloatArray, scale: float
+    mesh: PreparedMesh, noisy: NoisyMesh, found: list[Candidate], factor: float, overall: FloatArray, scale: float
 ) -> DenoisedMesh:
     """Mix estimates by their risks around every vertex."""
     shares = np.ones((mesh.vertex_count, 1), dtype=np.float32)
@@ -305,7 +302,7 @@ def _prefilter(noisy: NoisyMesh, filters: LowPass, signs: SingleArray) -> _Prefi
     samples: SingleArray = heights[:, :, np.newaxis] * normals[:, np.newaxis]
     samples = filters.apply(samples.reshape(len(samples), -1)).reshape(samples.shape)
     probe = np.float32(PROBE_SIGMAS) * samples[:, 0]
-    state = noisy_normals(_move(mesh, start), noisy.part.adjacency, _move(mesh, start + probe), samples)
+    state = noisy_normals(_move(mesh, start), _move(mesh, start + probe), samples)
     return _Prefiltered(normals, signs, start, probe, state)
 
 
@@ -318,15 +315,15 @@ def _sharp_candidates(
     progress: Progress | None,
 ) -> Iterator[Candidate]:
     """Estimates by kind, whose vertices follow normals after the given rounds of the bilateral filter."""
-    mesh, adjacency, sigma = noisy.part.mesh, noisy.part.adjacency, noisy.sigma
+    mesh, sigma = noisy.part.mesh, noisy.sigma
     normals, signs, start, probe, state = prefiltered
     del prefiltered
-    movable, done = ~adjacency.on_boundary, 0  # border vertices stay
+    movable, done = ~mesh.adjacency.on_boundary, 0  # border vertices stay
     for kind, total in rounds.items():
         state = filter_normals(state, total - done, tolerance)
         done = total
         moves, probed = (
-            first + move_to_normals(_move(mesh, first), adjacency, goal, movable)
+            first + move_to_normals(_move(mesh, first), goal, movable)
             for first, goal in ((start, state.normals), (start + probe, state.probed_normals))
         )
         residuals = (-np.einsum("ij,ij->i", moves, normals) / sigma).astype(np.float32)
@@ -338,10 +335,10 @@ def _sharp_candidates(
         yield Candidate(kind, moves, residuals, leverages)
 
 
-def _moves(mesh: TriangleMesh, vertices: FloatArray) -> SingleArray:
+def _moves(mesh: PreparedMesh, vertices: FloatArray) -> SingleArray:
     """Displacements of vertices from their measured positions."""
     return (vertices - mesh.vertices).astype(np.float32)
 
 
-def _move(mesh: TriangleMesh, moves: SingleArray) -> TriangleMesh:
-    return TriangleMesh(mesh.vertices + moves, mesh.faces)
+def _move(mesh: PreparedMesh, moves: SingleArray) -> PreparedMesh:
+    return mesh.move(mesh.vertices + moves)

@@ -8,9 +8,8 @@ from bezier_filters.arrays import FloatArray
 from bezier_filters.fitting.noise_level import learn_mesh_noise
 from bezier_filters.fitting.outlier_removal import move_outliers
 from bezier_filters.kernels.kernel_input import prepare_kernel_mesh
-from bezier_filters.meshes.adjacency import Adjacency, umbrella_vectors
-from bezier_filters.meshes.frames import tangent_planes
-from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.meshes.adjacency import umbrella_vectors
+from bezier_filters.meshes.prepared_mesh import PreparedMesh
 from bezier_filters.meshes.spikes import move_folded_vertices
 from bezier_filters.runtime.parallel import Progress
 from bezier_filters.smoothing.denoise import DenoisedMesh, SmoothingOptions, remove_noise
@@ -24,8 +23,7 @@ MAX_REMAINING_OUTLIERS = 0.01  # share of outliers that needs no further round: 
 
 
 def denoise_mesh(
-    mesh: TriangleMesh,
-    adjacency: Adjacency,
+    mesh: PreparedMesh,
     noise: NoiseModel | None,
     options: SmoothingOptions,
     *,
@@ -38,14 +36,14 @@ def denoise_mesh(
     residuals of the smoothed surface may show impulses; then the surface is estimated again without them, in rounds.
     """
     if noise is None or not noise.outliers:
-        return _denoise_in_rounds(mesh, adjacency, noise, options, progress=progress)
-    parts = sample_parts(mesh, adjacency)
+        return _denoise_in_rounds(mesh, noise, options, progress=progress)
+    parts = sample_parts(mesh)
     are_noise, found = choose_outliers_or_noise(parts, noise, options, progress=progress)
     if parts.mesh is mesh:
         return found
     if are_noise:
-        noise = learn_mesh_noise(mesh, adjacency, options.sigma, robust=False)
-    return _denoise_in_rounds(mesh, adjacency, noise, options, progress=progress)
+        noise = learn_mesh_noise(mesh, options.sigma, robust=False)
+    return _denoise_in_rounds(mesh, noise, options, progress=progress)
 
 
 def choose_outliers_or_noise(
@@ -56,29 +54,28 @@ def choose_outliers_or_noise(
     The better surface has the smaller ratio of its unevenness to its distance from the measured vertices: a surface
     that follows outliers is uneven and near to them.
     """
-    mesh, adjacency = parts.mesh, parts.adjacency
-    inside = parts.core & ~adjacency.on_boundary
+    mesh = parts.mesh
+    inside = parts.core & ~mesh.adjacency.on_boundary
 
     def measures(found: DenoisedMesh) -> tuple[float, float]:
         """Unevenness of a surface, and its distance from the measured vertices."""
-        normals = tangent_planes(TriangleMesh(found.points, mesh.faces), adjacency).normals
+        normals = mesh.move(found.points).planes.normals
         heights, distances = (
             np.einsum("ij,ij->i", vectors[inside], normals[inside])
-            for vectors in (umbrella_vectors(adjacency.vertices, found.points), mesh.vertices - found.points)
+            for vectors in (umbrella_vectors(mesh.adjacency.vertices, found.points), mesh.vertices - found.points)
         )
         return float(np.abs(heights).sum()), float(np.linalg.norm(distances))
 
-    taken_off = _denoise_in_rounds(mesh, adjacency, noise, options)
-    noise_with_them = learn_mesh_noise(mesh, adjacency, options.sigma, robust=False)
-    as_noise = _denoise_in_rounds(mesh, adjacency, noise_with_them, options, progress=progress)
+    taken_off = _denoise_in_rounds(mesh, noise, options)
+    noise_with_them = learn_mesh_noise(mesh, options.sigma, robust=False)
+    as_noise = _denoise_in_rounds(mesh, noise_with_them, options, progress=progress)
     (uneven, far), (other_uneven, other_far) = measures(as_noise), measures(taken_off)
     are_noise = uneven * other_far < other_uneven * far
     return are_noise, as_noise if are_noise else taken_off
 
 
 def _denoise_in_rounds(
-    mesh: TriangleMesh,
-    adjacency: Adjacency,
+    mesh: PreparedMesh,
     noise: NoiseModel | None,
     options: SmoothingOptions,
     *,
@@ -86,22 +83,22 @@ def _denoise_in_rounds(
 ) -> DenoisedMesh:
     measured, rounds = mesh.vertices, 0
     while needs_outlier_removal(noise, rounds):
-        mesh = move_mesh_outliers(mesh, adjacency)
-        noise, rounds = learn_mesh_noise(mesh, adjacency, options.sigma), rounds + 1
-    found = remove_noise(mesh, adjacency, noise or NoiseModel(0.0), options, progress=progress)
+        mesh = move_mesh_outliers(mesh)
+        noise, rounds = learn_mesh_noise(mesh, options.sigma), rounds + 1
+    found = remove_noise(mesh, noise or NoiseModel(0.0), options, progress=progress)
     if rounds:
-        found = replace(found, points=unfold_surface(mesh, adjacency, found.points))
+        found = replace(found, points=unfold_surface(mesh, found.points))
     for _ in range(0 if options.sigma is not None else MAX_IMPULSE_ROUNDS):
-        surface = TriangleMesh(found.points, mesh.faces)
-        parts = sample_parts(surface, adjacency)
+        surface = mesh.move(found.points)
+        parts = sample_parts(surface)
         ids = parts.ids
         impulses = learn_impulses(measured[ids], parts)
         if impulses is None:
             break
-        mesh = TriangleMesh(remove_impulses(measured, surface, adjacency, impulses), mesh.faces)
-        noise = learn_mesh_noise(mesh, adjacency, robust=False) or NoiseModel(0.0)
-        found = remove_noise(mesh, adjacency, noise, options)
-        found = replace(found, points=unfold_surface(mesh, adjacency, found.points))
+        mesh = mesh.move(remove_impulses(measured, surface, impulses))
+        noise = learn_mesh_noise(mesh, robust=False) or NoiseModel(0.0)
+        found = remove_noise(mesh, noise, options)
+        found = replace(found, points=unfold_surface(mesh, found.points))
         if has_settled(surface.vertices[ids], found.points[ids], impulses):
             break
     return found
@@ -116,16 +113,15 @@ def needs_outlier_removal(noise: NoiseModel | None, rounds: int) -> bool:
     )
 
 
-def move_mesh_outliers(mesh: TriangleMesh, adjacency: Adjacency) -> TriangleMesh:
+def move_mesh_outliers(mesh: PreparedMesh) -> PreparedMesh:
     """Move the outliers of a mesh onto the surface around them."""
-    arrays, _ = prepare_kernel_mesh(mesh, adjacency=adjacency, creases=False)
-    return TriangleMesh(move_outliers(arrays, adjacency).vertices, mesh.faces)
+    return mesh.move(move_outliers(prepare_kernel_mesh(mesh, creases=False)).vertices)
 
 
-def unfold_surface(mesh: TriangleMesh, adjacency: Adjacency, points: FloatArray) -> FloatArray:
+def unfold_surface(mesh: PreparedMesh, points: FloatArray) -> FloatArray:
     """Unfold the smoothed points (n, 3) of a mesh without its outliers, where outliers have left folds.
 
     Moves that would flip faces are reduced towards the mesh without outliers, not towards the outliers.
     """
-    surface = move_folded_vertices(TriangleMesh(points, mesh.faces), adjacency)
-    return repair_flipped_faces(mesh, adjacency, surface.vertices)
+    surface = move_folded_vertices(mesh.move(points))
+    return repair_flipped_faces(mesh, surface.vertices)

@@ -5,9 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
-from bezier_filters.meshes.adjacency import Adjacency
-from bezier_filters.meshes.frames import face_normal, tangent_planes
-from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.meshes.frames import face_normal
+from bezier_filters.meshes.prepared_mesh import PreparedMesh
 from bezier_filters.meshes.triangles import longest_squared
 from bezier_filters.runtime.jit import jit
 from bezier_filters.runtime.parallel import run_kernel
@@ -31,18 +30,17 @@ class BadFaces(NamedTuple):
         return result
 
 
-def bad_faces(mesh: TriangleMesh, adjacency: Adjacency) -> BadFaces:
+def bad_faces(mesh: PreparedMesh) -> BadFaces:
     """Find the flipped and degenerate faces of a mesh.
 
-    >>> from bezier_filters.meshes.adjacency import vertex_adjacency
     >>> from bezier_filters.meshes.mesh import triangle_mesh
+    >>> from bezier_filters.meshes.prepared_mesh import prepare_mesh
     >>> sliver = triangle_mesh([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]])
-    >>> bad_faces(sliver, vertex_adjacency(sliver)).degenerate
+    >>> bad_faces(prepare_mesh(sliver)).degenerate
     array([ True])
     """
-    normals = tangent_planes(mesh, adjacency).normals
     bad = BadFaces(*np.zeros((2, mesh.face_count), dtype=np.bool_))
-    run_kernel(_find, mesh.face_count, mesh.vertices, mesh.faces, normals, bad)
+    run_kernel(_find, mesh.face_count, mesh.vertices, mesh.faces, mesh.planes.normals, bad)
     return bad
 
 
@@ -61,18 +59,18 @@ def _find(vertices: FloatArray, faces: IntArray, around: FloatArray, bad: BadFac
         bad.flipped[f] = against < 0.0 and not bad.degenerate[f]
 
 
-def repair_flipped_faces(mesh: TriangleMesh, adjacency: Adjacency, points: FloatArray) -> FloatArray:
+def repair_flipped_faces(mesh: PreparedMesh, points: FloatArray) -> FloatArray:
     """Reduce the moves of vertices to points (n, 3) where they make bad faces that were good before.
 
     Returns the final points. Where strong noise has flipped faces everywhere, smaller moves flip other faces: the
     result is the state with the smallest number of bad faces, in which new ones count `NEW_BAD_FACE_WEIGHT` + 1 times;
     it never exceeds the number before.
     """
-    before = bad_faces(mesh, adjacency)
-    rows, share, result = adjacency.vertices, np.ones(mesh.vertex_count), points
+    before = bad_faces(mesh)
+    rows, share, result = mesh.adjacency.vertices, np.ones(mesh.vertex_count), points
     best, fewest = mesh.vertices, int(np.count_nonzero(before.flipped | before.degenerate))
     for _ in range(MAX_REPAIR_ROUNDS):
-        bad = bad_faces(TriangleMesh(result, mesh.faces), adjacency)
+        bad = bad_faces(mesh.move(result))
         new = bad.new_since(before)
         count = NEW_BAD_FACE_WEIGHT * int(np.count_nonzero(new)) + int(np.count_nonzero(bad.flipped | bad.degenerate))
         if count <= fewest:

@@ -14,9 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from bezier_filters.arrays import FloatArray
-from bezier_filters.meshes.adjacency import Adjacency, mean_edge, umbrella_vectors
-from bezier_filters.meshes.frames import tangent_planes
-from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.meshes.adjacency import umbrella_vectors
+from bezier_filters.meshes.prepared_mesh import PreparedMesh
 from bezier_filters.smoothing.mesh_parts import MeshPart
 from bezier_filters.smoothing.noise import RELIEF_PER_EDGE
 from bezier_filters.smoothing.sliding import TangentialMotion, restrict_to_normals
@@ -57,10 +56,10 @@ def learn_impulses(measured: FloatArray, smoothed: MeshPart) -> Impulses | None:
 
     None if there are no impulses.
     """
-    mesh, adjacency = smoothed.mesh, smoothed.adjacency
-    unit = mean_edge(mesh, adjacency)
+    mesh, rows = smoothed.mesh, smoothed.mesh.adjacency.vertices
+    unit = mesh.mean_edge
     smallest = np.finfo(np.float64).tiny
-    every, normals = _heights(measured, mesh, adjacency)
+    every, normals = _heights(measured, mesh)
     every /= max(unit, smallest)
     heights = every[smoothed.core]
     square = float(np.square(heights).mean()) if len(heights) else 0.0
@@ -81,7 +80,7 @@ def learn_impulses(measured: FloatArray, smoothed: MeshPart) -> Impulses | None:
         for weight, deviation in ((found.share, found.impulse_sigma), (1.0 - found.share, found.inlier_sigma))
     )
     gain = float(np.log(np.maximum(densities, smallest)).mean()) + 0.5 + 0.5 * np.log(square)
-    inliers, rows = found.inlier_probability(every), adjacency.vertices
+    inliers = found.inlier_probability(every)
     neighbours = inliers[rows.indices]
     if not (len(neighbours) and np.var(neighbours) > 0.0):  # no vertex stands out among its neighbours
         return None
@@ -95,7 +94,7 @@ def learn_impulses(measured: FloatArray, smoothed: MeshPart) -> Impulses | None:
     # Tangential residuals refer to the mean of the neighbours; uneven triangles of inliers are offset from it, too.
     away = (measured - mesh.vertices + umbrella_vectors(rows, mesh.vertices)) / unit
     away -= np.einsum("ij,ij->i", away, normals)[:, np.newaxis] * normals
-    inside = smoothed.core & ~adjacency.on_boundary & (rows.lengths > 0)
+    inside = smoothed.core & ~mesh.adjacency.on_boundary & (rows.lengths > 0)
     squares, inliers = 0.5 * np.square(away[inside]).sum(axis=1), inliers[inside]
     of_hit, of_others = (
         squares @ weights / max(float(weights.sum()), smallest) for weights in (1.0 - inliers, inliers)
@@ -104,23 +103,23 @@ def learn_impulses(measured: FloatArray, smoothed: MeshPart) -> Impulses | None:
     return Impulses(found.share, found.impulse_sigma * unit, found.inlier_sigma * unit, tangential_sigma * unit)
 
 
-def remove_impulses(measured: FloatArray, smooth: TriangleMesh, adjacency: Adjacency, impulses: Impulses) -> FloatArray:
+def remove_impulses(measured: FloatArray, smooth: PreparedMesh, impulses: Impulses) -> FloatArray:
     """Move the measured vertices to the smoothed surface by their probability of being an impulse, (n, 3).
 
     If the impulses are normal to the surface, vertices move along the normals, which improve with the surface.
     Otherwise impulses have tangential components, too, and the vertices go to their smoothed positions.
     """
-    heights, normals = _heights(measured, smooth, adjacency)
+    heights, normals = _heights(measured, smooth)
     inliers, surface = impulses.inlier_probability(heights)[:, np.newaxis], smooth.vertices
     if impulses.tangential_sigma < MAX_TANGENTIAL_RATIO * impulses.impulse_sigma:
-        surface = restrict_to_normals(TriangleMesh(measured, smooth.faces), adjacency, surface, TangentialMotion.NARROW)
+        surface = restrict_to_normals(smooth.move(measured), surface, TangentialMotion.NARROW)
         return np.asarray(surface + inliers * (measured - surface))
     return np.asarray(surface + inliers * heights[:, np.newaxis] * normals)
 
 
-def _heights(measured: FloatArray, smooth: TriangleMesh, adjacency: Adjacency) -> tuple[FloatArray, FloatArray]:
+def _heights(measured: FloatArray, smooth: PreparedMesh) -> tuple[FloatArray, FloatArray]:
     """Heights of the measured vertices over a smoothed mesh along its normals, (n,), and the normals, (n, 3)."""
-    normals = tangent_planes(smooth, adjacency).normals
+    normals = smooth.planes.normals
     return np.einsum("ij,ij->i", measured - smooth.vertices, normals), normals
 
 

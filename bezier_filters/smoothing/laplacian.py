@@ -5,8 +5,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from bezier_filters.arrays import FloatArray, IntArray, SingleArray
-from bezier_filters.meshes.adjacency import Adjacency
-from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.meshes.prepared_mesh import PreparedMesh
 from bezier_filters.meshes.triangles import cotangent_and_area, has_corner
 from bezier_filters.runtime.jit import jit
 from bezier_filters.runtime.parallel import run_kernel
@@ -33,9 +32,10 @@ class MeshStars(NamedTuple):
     face_indices: IntArray
 
 
-def mesh_stars(mesh: TriangleMesh, adjacency: Adjacency) -> MeshStars:
+def mesh_stars(mesh: PreparedMesh) -> MeshStars:
     """The arrays of a mesh and its adjacency."""
-    return MeshStars(mesh.vertices, mesh.faces, adjacency.faces.indptr, adjacency.faces.indices)
+    rows = mesh.adjacency.faces
+    return MeshStars(mesh.vertices, mesh.faces, rows.indptr, rows.indices)
 
 
 class Laplacian(NamedTuple):
@@ -68,10 +68,10 @@ def cotangent_laplacian(
     eigenvalues, by default at their quantile `RATE_QUANTILE`. Vertices at the cut of a part stay. A unit of 0 gives
     plain means.
     """
-    rows, n = part.adjacency.vertices, len(part.ids)
+    rows, n = part.mesh.adjacency.vertices, len(part.ids)
     result = Laplacian(rows.indptr, rows.indices, np.zeros(len(rows.indices), np.float32), np.zeros(n, np.float32))
     options = unit, power, MAX_RATE if max_rate is None else max_rate, {"curve": 1, "fixed": 0, "free": 2}[borders]
-    run_kernel(_write_rows, n, mesh_stars(part.mesh, part.adjacency), *options, result)
+    run_kernel(_write_rows, n, mesh_stars(part.mesh), *options, result)
     result.rates[part.cut] = 0.0
     if max_rate is None:
         max_rate = max(float(np.quantile(result.rates, RATE_QUANTILE)), 0.5) if n else 0.5

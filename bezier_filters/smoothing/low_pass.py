@@ -11,8 +11,6 @@ import numpy as np
 from scipy.special import j0
 
 from bezier_filters.arrays import FloatArray, SingleArray
-from bezier_filters.meshes.frames import tangent_planes
-from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.smoothing.chebyshev import (
     DEFAULT_ORDER,
     LOWEST_ORDER,
@@ -126,7 +124,7 @@ def learn_low_pass(
     """
     part, core = noisy.part, noisy.part.core
     umbrella = umbrella_laplacian(part, borders)
-    rough = tangent_planes(part.mesh, part.adjacency).normals
+    rough = part.mesh.planes.normals
     allowed = FILTER_STRENGTHS if detail is None else FILTER_STRENGTHS[max_strength(detail / unit) >= FILTER_STRENGTHS]
     usual = allowed[allowed <= MAX_STRENGTHS[DEFAULT_ORDER]]
     first = int(_estimates(noisy, umbrella, DEFAULT_ORDER, usual, rough).mean_risks(core).argmin())
@@ -230,9 +228,9 @@ def _smooth_shape(part: MeshPart, umbrella: Laplacian, best: int) -> tuple[MeshP
 
     Tangential components are omitted, because they would change the angles of the triangles.
     """
-    vertices, faces = part.mesh.vertices, part.mesh.faces
+    vertices = part.mesh.vertices
     strength = np.array([min(float(FILTER_STRENGTHS[max(best - PREFILTER_STEPS, 0)]), MAX_PREFILTER_STRENGTH)])
     smooth = low_pass(umbrella, vertices, strength)
-    normals = tangent_planes(TriangleMesh(smooth, faces), part.adjacency).normals
+    normals = part.mesh.move(smooth).planes.normals
     heights = np.einsum("ij,ij->i", smooth - vertices, normals)
-    return replace(part, mesh=TriangleMesh(vertices + heights[:, np.newaxis] * normals, faces)), normals
+    return replace(part, mesh=part.mesh.move(vertices + heights[:, np.newaxis] * normals)), normals

@@ -7,8 +7,9 @@ from functools import partial
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, IntArray
-from bezier_filters.meshes.adjacency import Adjacency, Rows, vertex_adjacency
+from bezier_filters.meshes.adjacency import Rows
 from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.meshes.prepared_mesh import PreparedMesh, prepare_mesh
 from bezier_filters.meshes.spatial_order import SpatialOrder
 from bezier_filters.runtime.jit import jit
 
@@ -22,28 +23,27 @@ PART_COUNT, PART_VERTICES, PART_CORE_VERTICES = 6, 15_000, 6_000
 class MeshPart:
     """A part of a mesh, or all of it."""
 
-    mesh: TriangleMesh
-    adjacency: Adjacency  # of the part
+    mesh: PreparedMesh
     ids: IntArray  # (k,): numbers of its vertices in the whole mesh
     cut: BoolArray  # (k,): vertices some of whose faces are missing
     core: BoolArray  # (k,): vertices that represent the whole mesh, away from the cut
     vertex_count: int  # number of vertices of the whole mesh
 
 
-def whole_mesh(mesh: TriangleMesh, adjacency: Adjacency) -> MeshPart:
+def whole_mesh(mesh: PreparedMesh) -> MeshPart:
     """A whole mesh as a part."""
     n = mesh.vertex_count
     cut, core = np.zeros(n, dtype=np.bool_), np.ones(n, dtype=np.bool_)
-    return MeshPart(mesh, adjacency, np.arange(n, dtype=np.int32), cut, core, n)
+    return MeshPart(mesh, np.arange(n, dtype=np.int32), cut, core, n)
 
 
 def reorder_part(part: MeshPart, ordered: SpatialOrder) -> MeshPart:
     """Reorder the vertices of a part."""
-    mesh, order = ordered.mesh, ordered.order
-    return MeshPart(mesh, vertex_adjacency(mesh), part.ids[order], part.cut[order], part.core[order], part.vertex_count)
+    order = ordered.order
+    return MeshPart(prepare_mesh(ordered.mesh), part.ids[order], part.cut[order], part.core[order], part.vertex_count)
 
 
-def sample_parts(mesh: TriangleMesh, adjacency: Adjacency, around: Sequence[int] = ()) -> MeshPart:
+def sample_parts(mesh: PreparedMesh, around: Sequence[int] = ()) -> MeshPart:
     """Sample connected parts from all over a mesh, or all of it if it is not large.
 
     Each part grows ring by ring from a vertex until it is large enough, and continues at another vertex if its
@@ -51,9 +51,9 @@ def sample_parts(mesh: TriangleMesh, adjacency: Adjacency, around: Sequence[int]
     """
     n = mesh.vertex_count
     if n <= MAX_WHOLE_VERTICES:
-        return whole_mesh(mesh, adjacency)
-    samples = sample_vertices(n, around, partial(_grow_from_seed, adjacency))
-    return mesh_part(mesh, adjacency, np.arange(n, dtype=np.int32), samples, n)
+        return whole_mesh(mesh)
+    samples = sample_vertices(n, around, partial(_grow_from_seed, mesh.adjacency.vertices))
+    return mesh_part(mesh, np.arange(n, dtype=np.int32), samples, n)
 
 
 def sample_vertices(
@@ -68,24 +68,22 @@ def sample_vertices(
     return np.unique(np.concatenate([*orders, *map(grow_from_seed, around)])), np.unique(np.concatenate(core))
 
 
-def mesh_part(
-    mesh: TriangleMesh, adjacency: Adjacency, ids: IntArray, samples: tuple[IntArray, IntArray], n: int
-) -> MeshPart:
+def mesh_part(mesh: PreparedMesh, ids: IntArray, samples: tuple[IntArray, IntArray], n: int) -> MeshPart:
     """The samples of a mesh, whose vertices have ids in a mesh of n vertices, with the faces between them."""
     sampled, core = (np.isin(ids, some) for some in samples)
     number = np.cumsum(sampled, dtype=np.int32) - np.int32(1)
-    part = TriangleMesh(mesh.vertices[sampled], number[mesh.faces[sampled[mesh.faces].all(axis=1)]])
-    found = vertex_adjacency(part)
-    cut = found.faces.lengths != adjacency.faces.lengths[sampled]
-    return MeshPart(part, found, ids[sampled], cut, core[sampled], n)
+    faces = number[mesh.faces[sampled[mesh.faces].all(axis=1)]]
+    part = prepare_mesh(TriangleMesh(mesh.vertices[sampled], faces))
+    cut = part.adjacency.faces.lengths != mesh.adjacency.faces.lengths[sampled]
+    return MeshPart(part, ids[sampled], cut, core[sampled], n)
 
 
-def _grow_from_seed(adjacency: Adjacency, seed: int) -> IntArray:
+def _grow_from_seed(rows: Rows, seed: int) -> IntArray:
     """Vertices around one, nearest first, and then around the next unseen one."""
-    seen, following = np.zeros(len(adjacency.vertices), np.bool_), seed
+    seen, following = np.zeros(len(rows), np.bool_), seed
     orders, room = list[IntArray](), PART_VERTICES
     while room and following >= 0:
-        orders.append(grow_component(adjacency.vertices, following, seen, room)[0])
+        orders.append(grow_component(rows, following, seen, room)[0])
         room -= len(orders[-1])
         following = next_unseen(seen, following)
     return np.concatenate(orders)

@@ -9,8 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from bezier_filters.arrays import FloatArray, IntArray, SingleArray
-from bezier_filters.meshes.frames import tangent_planes
-from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.smoothing.chebyshev import low_pass
 from bezier_filters.smoothing.clusters import Clusters, clusters_of
 from bezier_filters.smoothing.laplacian import Laplacian, umbrella_laplacian
@@ -186,7 +184,7 @@ def _heights(part: MeshPart, laplacian: Laplacian, strength: FloatArray) -> tupl
     """Heights of the vertices over the mesh after a filter and after a weak one, along normals of the first, (n,)."""
     vertices = part.mesh.vertices
     smooth, weak = (low_pass(laplacian, vertices, one) for one in (strength, WEAK_STRENGTH))
-    normals = tangent_planes(TriangleMesh(smooth, part.mesh.faces), part.adjacency).normals
+    normals = part.mesh.move(smooth).planes.normals
     return np.einsum("ij,ij->i", vertices - smooth, normals), np.einsum("ij,ij->i", vertices - weak, normals)
 
 

@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray, SingleArray
-from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.meshes.prepared_mesh import PreparedMesh
 from bezier_filters.meshes.triangles import has_corner, unit_normal
 from bezier_filters.runtime.jit import inner_jit, jit
 from bezier_filters.runtime.lanes import LANES, Place, broadcast, load, multiply_add, square_root, store, where_greater
@@ -58,9 +58,9 @@ class NoisyNormals(NamedTuple):
         return self.rows.reshape(len(self.faces), -1, ROW_LENGTH)[:, number, :3]
 
 
-def noisy_normals(mesh: TriangleMesh, adjacency: Adjacency, probe: TriangleMesh, noise: SingleArray) -> NoisyNormals:
+def noisy_normals(mesh: PreparedMesh, probe: TriangleMesh, noise: SingleArray) -> NoisyNormals:
     """Normals of two meshes, and first-order changes of the first ones by samples of vertex noise (n, k, 3)."""
-    m, at_vertex = mesh.face_count, adjacency.faces
+    m, at_vertex = mesh.face_count, mesh.adjacency.faces
     rows = np.zeros((m * (2 + noise.shape[1]), ROW_LENGTH), dtype=np.float32)
     state = NoisyNormals(mesh.faces, rows, at_vertex.indptr, at_vertex.indices)
     run_kernel(_write_normals, m, mesh.vertices, probe.vertices, noise, state)
@@ -73,12 +73,12 @@ def filter_normals(state: NoisyNormals, rounds: int, tolerance: float) -> NoisyN
     The rows of the state are overwritten. The weight of a neighbour is exp(-1/2) if the two normals differ by
     `tolerance` standard deviations of the noise of their difference.
 
-    >>> from bezier_filters.meshes.adjacency import vertex_adjacency
     >>> from bezier_filters.meshes.mesh import triangle_mesh
+    >>> from bezier_filters.meshes.prepared_mesh import prepare_mesh
     >>> from bezier_filters.surfaces import block_with_sharp_edges
-    >>> block = triangle_mesh(*block_with_sharp_edges(resolution=6))
+    >>> block = prepare_mesh(triangle_mesh(*block_with_sharp_edges(resolution=6)))
     >>> noise = np.full((block.vertex_count, 2, 3), 1e-3, np.float32)
-    >>> start = noisy_normals(block, vertex_adjacency(block), block, noise)
+    >>> start = noisy_normals(block, block, noise)
     >>> before = start.normals.copy()
     >>> bool(np.allclose(before, filter_normals(start, 5, 2.0).normals, atol=1e-6))
     True
@@ -250,7 +250,7 @@ def _faces_around(state: NoisyNormals, f: Place, around: IntArray) -> np.uint32:
     return count
 
 
-def move_to_normals(mesh: TriangleMesh, adjacency: Adjacency, normals: SingleArray, movable: BoolArray) -> SingleArray:
+def move_to_normals(mesh: PreparedMesh, normals: SingleArray, movable: BoolArray) -> SingleArray:
     """Move the vertices so that the faces become perpendicular to given normals.
 
     Each round moves every vertex by the mean of its projections onto the planes through the centers of its faces,
@@ -261,7 +261,7 @@ def move_to_normals(mesh: TriangleMesh, adjacency: Adjacency, normals: SingleArr
 
     Faces whose normals (m, 3) are zero are ignored; vertices that are not movable (n,) stay. Returns the moves, (n, 3).
     """
-    stars = mesh_stars(mesh, adjacency)
+    stars = mesh_stars(mesh)
     planes = np.zeros((mesh.face_count, 4), dtype=np.float32)
     planes[:, :3] = normals
     before, current, result = np.zeros((3, mesh.vertex_count, 3), dtype=np.float32)

@@ -12,9 +12,10 @@ from enum import IntEnum
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray, SingleArray
-from bezier_filters.meshes.adjacency import Adjacency, longest_edges, umbrella_vectors
-from bezier_filters.meshes.frames import face_normal, tangent_planes
+from bezier_filters.meshes.adjacency import umbrella_vectors
+from bezier_filters.meshes.frames import face_normal
 from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.meshes.prepared_mesh import PreparedMesh, longest_edges
 from bezier_filters.meshes.triangles import longest_squared
 from bezier_filters.runtime.jit import jit
 from bezier_filters.runtime.parallel import run_kernel
@@ -45,18 +46,16 @@ def choose_sliding(part: MeshPart, points: FloatArray, sigma: FloatArray) -> Tan
 
     `sigma` (n,) is the standard deviation of the noise along the normal, lengths.
     """
-    mesh, adjacency, core = part.mesh, part.adjacency, part.core
-    held = _project_on_normals(mesh, adjacency, points)
-    uneven = _unevenness(TriangleMesh(points, mesh.faces), adjacency, held)[core]
+    mesh, core = part.mesh, part.core
+    held = _project_on_normals(mesh, points)
+    uneven = _unevenness(mesh.move(points), held)[core]
     if not np.square(uneven).mean() > np.square(MIN_UNEVENNESS_RATIO * sigma[core]).mean():
         return TangentialMotion.FLIPPED
     slides = _sliding_fractions(mesh, points, held, NARROW_HEIGHT_RATIO)[core] > 0.0
     return TangentialMotion.ALL if slides.mean() > MAX_SLIDING_FRACTION else TangentialMotion.NARROW
 
 
-def restrict_to_normals(
-    mesh: TriangleMesh, adjacency: Adjacency, points: FloatArray, sliding: TangentialMotion
-) -> FloatArray:
+def restrict_to_normals(mesh: PreparedMesh, points: FloatArray, sliding: TangentialMotion) -> FloatArray:
     """Restrict the moves of vertices to points (n, 3) to the normals, except for sliding vertices; return the points.
 
     Border vertices always slide. No vertex moves farther than a multiple of its longest edge.
@@ -64,12 +63,12 @@ def restrict_to_normals(
     if sliding == TangentialMotion.ALL:
         result = points.copy()
     else:
-        held = _project_on_normals(mesh, adjacency, points)
+        held = _project_on_normals(mesh, points)
         slides = _sliding_fractions(
             mesh, points, held, NARROW_HEIGHT_RATIO if sliding == TangentialMotion.NARROW else 0.0
         )
         result = _slide(held, points, slides)
-    moves, most = result - mesh.vertices, MAX_MOVE_EDGES * longest_edges(mesh, adjacency)
+    moves, most = result - mesh.vertices, MAX_MOVE_EDGES * longest_edges(mesh)
     lengths = np.linalg.norm(moves, axis=1)
     too_far = lengths > most
     shortened = (most[too_far] / lengths[too_far])[:, np.newaxis] * moves[too_far]
@@ -77,17 +76,17 @@ def restrict_to_normals(
     return result
 
 
-def _project_on_normals(mesh: TriangleMesh, adjacency: Adjacency, points: FloatArray) -> FloatArray:
-    held, stars = points.copy(), mesh_stars(mesh, adjacency)
-    run_kernel(_project_moves, len(points), stars, adjacency.on_boundary, points, held)
+def _project_on_normals(mesh: PreparedMesh, points: FloatArray) -> FloatArray:
+    held, stars = points.copy(), mesh_stars(mesh)
+    run_kernel(_project_moves, len(points), stars, mesh.adjacency.on_boundary, points, held)
     return held
 
 
-def _unevenness(smooth: TriangleMesh, adjacency: Adjacency, points: FloatArray) -> FloatArray:
+def _unevenness(smooth: PreparedMesh, points: FloatArray) -> FloatArray:
     """Tangential distances of points from the mean of their neighbours, per direction, lengths (n,)."""
-    away, normals = umbrella_vectors(adjacency.vertices, points), tangent_planes(smooth, adjacency).normals
+    away, normals = umbrella_vectors(smooth.adjacency.vertices, points), smooth.planes.normals
     away -= np.einsum("ij,ij->i", away, normals)[:, np.newaxis] * normals
-    away[adjacency.on_boundary] = 0.0
+    away[smooth.adjacency.on_boundary] = 0.0
     result: FloatArray = np.linalg.norm(away, axis=1) / np.sqrt(2.0)
     return result
 

@@ -13,9 +13,9 @@ from bezier_filters.fitting.fallbacks import fit_patches
 from bezier_filters.fitting.first_call import first_call
 from bezier_filters.fitting.fit_options import check_detail, check_noise, fit_options
 from bezier_filters.fitting.noise_level import explain_unknown_noise, learn_mesh_noise
-from bezier_filters.meshes.adjacency import Adjacency, longest_edges, mean_edge, vertex_adjacency
 from bezier_filters.meshes.half_edges import non_manifold_edge_vertices
-from bezier_filters.meshes.mesh import TriangleMesh, check_selection, takes_arrays, triangle_mesh
+from bezier_filters.meshes.mesh import check_selection, takes_arrays, triangle_mesh
+from bezier_filters.meshes.prepared_mesh import PreparedMesh, longest_edges, prepare_mesh
 from bezier_filters.meshes.spatial_order import ensure_locality
 from bezier_filters.meshes.unit_size import LENGTH, VOLUME, normalizes_size
 from bezier_filters.patches.patch_fit import PatchFit
@@ -236,53 +236,49 @@ def smooth(
     >>> bool(error.std() < 0.2 * noise.std()), round(result.volume_ratio, 6)
     (True, 1.0)
     """
-    given = triangle_mesh(vertices, faces)
+    given = prepare_mesh(triangle_mesh(vertices, faces))
     check_smoothing(method, iterations, noise, borders, detail, relax, rings, alpha)
     chosen = fit_options("auto" if rings is None else rings, "auto" if alpha is None else alpha, "auto", "paper")
     ring_count, fit = int(chosen[0]), cast("PatchFit", chosen[1])
-    adjacency = vertex_adjacency(given)
-    ordered = ensure_locality(given, adjacency)
-    mesh = ordered.mesh
-    if mesh is not given:
-        adjacency = vertex_adjacency(mesh)
+    ordered = ensure_locality(given)
+    mesh = prepare_mesh(ordered.mesh)
     n = mesh.vertex_count
     movable = np.ones(n, dtype=np.bool_) if selected is None else check_selection(selected, n)[ordered.order]
     if borders == "fixed":
-        movable = movable & ~adjacency.on_boundary
+        movable = movable & ~mesh.adjacency.on_boundary
     points, sharpness = mesh.vertices, np.zeros(n)
     with first_call():
-        known, done = learn_mesh_noise(mesh, adjacency, noise), 0
+        known, done = learn_mesh_noise(mesh, noise), 0
         for k in range(iterations):
-            current, part = TriangleMesh(points, mesh.faces), iteration_progress(progress, k, iterations)
+            current = mesh.move(points) if k else mesh
+            part = iteration_progress(progress, k, iterations)
             if method == "auto":
-                here = known if k == 0 else learn_mesh_noise(current, adjacency)
+                here = known if k == 0 else learn_mesh_noise(current)
                 options = SmoothingOptions(borders, detail, relax, noise if k == 0 else None)
-                found = denoise_mesh(current, adjacency, here, options, progress=part)
+                found = denoise_mesh(current, here, options, progress=part)
                 points, sharpness = found.points, np.maximum(sharpness, found.sharpness)
             else:
                 moves = fit_patches(current, ring_count, fit, progress=part).displacements
-                points = points + admissible_displacements(current, adjacency, moves)
+                points = points + admissible_displacements(current, moves)
             points = np.where(movable[:, np.newaxis], points, mesh.vertices)
             if np.array_equal(points, current.vertices) and (k or noise is None):
                 break  # further iterations would not change it
             done += 1
-        components = ClosedComponents.locate(mesh, adjacency)
+        components = ClosedComponents.locate(mesh)
         volumes_before = component_volumes(components, mesh)
         keeps_volume = components.count and (keep_volume or (keep_volume is None and method == "auto"))
         if keeps_volume:
-            amounts = local_movement(mesh, adjacency, points) * movable
-            points = restore_volumes(components, TriangleMesh(points, mesh.faces), volumes_before, amounts)
+            amounts = local_movement(mesh, points) * movable
+            points = restore_volumes(components, mesh.move(points), volumes_before, amounts)
         if method == "auto":
-            points = repair_flipped_faces(mesh, adjacency, points)
+            points = repair_flipped_faces(mesh, points)
         if keeps_volume:
-            unlike = volume_not_restored(
-                components, mesh, TriangleMesh(points, mesh.faces), known.sigma if known else 0.0
-            )
+            unlike = volume_not_restored(components, mesh, mesh.move(points), known.sigma if known else 0.0)
             points = np.where(unlike[:, np.newaxis], mesh.vertices, points)
-        smoothed = TriangleMesh(points, mesh.faces)
+        smoothed = mesh.move(points)
         volumes_after = component_volumes(components, smoothed)
-        left = learn_mesh_noise(smoothed, adjacency)
-        bad_before, bad_after = (bad_faces(one, adjacency) for one in (mesh, smoothed))
+        left = learn_mesh_noise(smoothed)
+        bad_before, bad_after = (bad_faces(one) for one in (mesh, smoothed))
         return SmoothingResult(
             vertices=ordered.restore_order(points),
             displacement=ordered.restore_order(np.linalg.norm(points - mesh.vertices, axis=1)),
@@ -291,9 +287,9 @@ def smooth(
             noise_after=None if left is None else left.sigma,
             noise_length=None if known is None else known.length,
             noise_heavy=known is not None and known.heavy,
-            noise_reason="" if known is not None else explain_unknown_noise(mesh, adjacency),
+            noise_reason="" if known is not None else explain_unknown_noise(mesh),
             iterations=done,
-            mean_edge=mean_edge(mesh, adjacency),
+            mean_edge=mesh.mean_edge,
             volume_before=float(volumes_before.sum()) if components.count else None,
             volume_after=float(volumes_after.sum()) if components.count else None,
             flipped_before=int(bad_before.flipped.sum()),
@@ -304,11 +300,9 @@ def smooth(
         )
 
 
-def admissible_displacements(mesh: TriangleMesh, adjacency: Adjacency, displacements: FloatArray) -> FloatArray:
+def admissible_displacements(mesh: PreparedMesh, displacements: FloatArray) -> FloatArray:
     """Displacements onto patches, (n, 3), set to zero if longer than the edges, and at edges that are not manifold."""
-    admissible = (
-        np.linalg.norm(displacements, axis=1) <= longest_edges(mesh, adjacency)
-    ) & ~non_manifold_edge_vertices(mesh)
+    admissible = (np.linalg.norm(displacements, axis=1) <= longest_edges(mesh)) & ~non_manifold_edge_vertices(mesh)
     return np.where(admissible[:, np.newaxis], displacements, 0.0)
 
 

@@ -11,9 +11,10 @@ from numpy.polynomial.polynomial import polyder, polyval, polyvander
 from scipy.sparse import csr_array
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
-from bezier_filters.meshes.adjacency import Adjacency, closed_components, longest_edges
+from bezier_filters.meshes.adjacency import closed_components
 from bezier_filters.meshes.frames import face_normal
 from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.meshes.prepared_mesh import PreparedMesh, longest_edges
 from bezier_filters.meshes.triangles import area_vectors
 from bezier_filters.runtime.jit import jit
 
@@ -31,9 +32,9 @@ class ClosedComponents:
     origins: FloatArray  # (c, 3): a point of each: its first vertex
 
     @staticmethod
-    def locate(mesh: TriangleMesh, adjacency: Adjacency) -> "ClosedComponents":
+    def locate(mesh: PreparedMesh) -> "ClosedComponents":
         """Find the closed components of a mesh in memory."""
-        of_vertex, first = closed_components(mesh, adjacency)
+        of_vertex, first = closed_components(mesh, mesh.adjacency)
         return ClosedComponents(of_vertex, mesh.vertices[first])
 
     @property
@@ -51,11 +52,11 @@ def component_volumes(components: ClosedComponents, mesh: TriangleMesh) -> Float
 
     The volumes from subsets of the faces add up to the volume from all faces.
 
-    >>> from bezier_filters.meshes.adjacency import vertex_adjacency
     >>> from bezier_filters.meshes.mesh import triangle_mesh
+    >>> from bezier_filters.meshes.prepared_mesh import prepare_mesh
     >>> from bezier_filters.surfaces import block_with_sharp_edges
-    >>> block = triangle_mesh(*block_with_sharp_edges(resolution=4))
-    >>> component_volumes(ClosedComponents.locate(block, vertex_adjacency(block)), block)
+    >>> block = prepare_mesh(triangle_mesh(*block_with_sharp_edges(resolution=4)))
+    >>> component_volumes(ClosedComponents.locate(block), block)
     array([0.875])
     """
     volumes = np.zeros(components.count)
@@ -139,14 +140,14 @@ def apply_moves(components: ClosedComponents, points: FloatArray, steps: FloatAr
     return result
 
 
-def local_movement(mesh: TriangleMesh, adjacency: Adjacency, points: FloatArray) -> FloatArray:
+def local_movement(mesh: PreparedMesh, points: FloatArray) -> FloatArray:
     """Root mean square movement of a vertex and its neighbours, (n,), lengths; its longest edge at most."""
-    rows, n = adjacency.vertices, mesh.vertex_count
+    rows, n = mesh.adjacency.vertices, mesh.vertex_count
     neighbours = csr_array((np.ones(len(rows.indices), np.float32), rows.indices, rows.indptr), shape=(n, n))
     moves = points - mesh.vertices
     squares = np.einsum("ij,ij->i", moves, moves)
     means: FloatArray = np.sqrt((neighbours @ squares + squares) / (rows.lengths + 1.0))
-    bounded: FloatArray = np.minimum(means, longest_edges(mesh, adjacency))
+    bounded: FloatArray = np.minimum(means, longest_edges(mesh))
     return bounded
 
 

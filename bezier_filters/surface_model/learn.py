@@ -13,7 +13,6 @@ import numpy as np
 
 from bezier_filters.arrays import IntArray
 from bezier_filters.kernels.kernel_input import KernelMesh, recompute_barriers, use_smoothed_normals
-from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.surface_model.fit_spec import FitConstraints
 from bezier_filters.surface_model.model import RingModel, estimate_white_noise
 from bezier_filters.surface_model.model_tree import Leaf, best_leaf, fit_leaf
@@ -50,9 +49,7 @@ SampleMode = Literal["plain", "steady", "tolerant"]
 Sampler = Callable[[int, int, SampleMode], NeighbourhoodSample]
 
 
-def learn_surface(
-    mesh: KernelMesh, adjacency: Adjacency, constraints: FitConstraints
-) -> tuple[list[RingAnalysis], Leaf | None]:
+def learn_surface(mesh: KernelMesh, constraints: FitConstraints) -> tuple[list[RingAnalysis], Leaf | None]:
     """Analyse rings of ascending width, and estimate one model from all of them.
 
     The ring in the constraints is always analysed if it has enough usable neighbourhoods. The list is empty for meshes
@@ -61,29 +58,25 @@ def learn_surface(
     drawn = cache(partial(draw_from_mesh, mesh))
 
     def sample(rings: int, count: int, mode: SampleMode) -> NeighbourhoodSample:
-        return sample_by_mode(mesh, adjacency, drawn(count), rings, mode)
+        return sample_by_mode(mesh, drawn(count), rings, mode)
 
     return learn_from_samples(sample, len(mesh.vertices), constraints)
 
 
-def sample_by_mode(
-    mesh: KernelMesh, adjacency: Adjacency, ids: IntArray, rings: int, mode: SampleMode
-) -> NeighbourhoodSample:
+def sample_by_mode(mesh: KernelMesh, ids: IntArray, rings: int, mode: SampleMode) -> NeighbourhoodSample:
     """Neighbourhoods of the vertices `ids` in one of the modes."""
     max_flipped_fraction = MAX_FLIPPED_FRACTION
     if mode == "steady":
         mesh = use_smoothed_normals(mesh)
     if mode == "tolerant":
-        mesh, max_flipped_fraction = recompute_barriers(mesh, adjacency), MAX_FLIPPED_BY_OUTLIERS
-    return sample_neighbourhoods(mesh, adjacency, ids, rings=rings, max_flipped_fraction=max_flipped_fraction)
+        mesh, max_flipped_fraction = recompute_barriers(mesh), MAX_FLIPPED_BY_OUTLIERS
+    return sample_neighbourhoods(mesh, ids, rings=rings, max_flipped_fraction=max_flipped_fraction)
 
 
-def explain_unusable_mesh(mesh: KernelMesh, adjacency: Adjacency) -> str:
+def explain_unusable_mesh(mesh: KernelMesh) -> str:
     """Say why `learn_surface` finds no model of a mesh."""
     return explain_unusable_sample(
-        sample_by_mode(
-            mesh, adjacency, draw_from_mesh(mesh, SAMPLES_PER_RING[NORMAL_CHECK_RINGS]), NORMAL_CHECK_RINGS, "plain"
-        )
+        sample_by_mode(mesh, draw_from_mesh(mesh, SAMPLES_PER_RING[NORMAL_CHECK_RINGS]), NORMAL_CHECK_RINGS, "plain")
     )
 
 

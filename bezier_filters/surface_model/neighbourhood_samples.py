@@ -11,7 +11,6 @@ import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.kernels.kernel_input import KernelMesh
-from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.frames import farthest_direction, folding_share, mean_normal
 from bezier_filters.meshes.neighbourhoods import clear_marks, next_ring
 from bezier_filters.runtime.jit import inner_jit, jit, opaque
@@ -46,7 +45,7 @@ class Population:
 
 
 def sample_neighbourhoods(
-    mesh: KernelMesh, adjacency: Adjacency, ids: IntArray, *, rings: int, max_flipped_fraction: float
+    mesh: KernelMesh, ids: IntArray, *, rings: int, max_flipped_fraction: float
 ) -> NeighbourhoodSample:
     """Project the neighbourhoods of some vertices, out to a widest ring, onto their tangent planes.
 
@@ -66,9 +65,7 @@ def sample_neighbourhoods(
 
     def make_task() -> RangeTask:
         members, visited = np.empty(n + 1, np.int32), np.zeros(n, np.bool_)
-        return lambda start, stop: _project_sample(
-            mesh, adjacency.on_boundary, max_flipped_fraction, members, visited, sample, start, stop
-        )
+        return lambda start, stop: _project_sample(mesh, max_flipped_fraction, members, visited, sample, start, stop)
 
     run_in_chunks(make_task, len(ids), chunk=SAMPLE_CHUNK)
     return sample
@@ -119,7 +116,6 @@ def _draw_per_stretch(n: int, count: int, generator: np.random.Generator) -> Int
 @jit()
 def _project_sample(
     mesh: KernelMesh,
-    on_boundary: BoolArray,
     max_flipped_fraction: float,
     members: IntArray,
     visited: BoolArray,
@@ -140,7 +136,7 @@ def _project_sample(
             count = next_ring(mesh.ring_ptr, mesh.ring_indices, mesh.barriers, before, inner, visited, members)
             sizes[row, k] = count
             for a in range(before, inner):
-                open_ring = open_ring or on_boundary[members[a]] or mesh.barriers[members[a]]
+                open_ring = open_ring or mesh.on_boundary[members[a]] or mesh.barriers[members[a]]
             sample.is_interior[row, k] = not open_ring
             if open_ring or count > points.shape[1]:
                 continue
