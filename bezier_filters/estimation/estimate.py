@@ -1,9 +1,7 @@
 """Differential geometry at every vertex of a mesh: the function that users call."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from functools import cache, partial
-from typing import get_args
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,33 +9,20 @@ from numpy.typing import ArrayLike
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.estimation.hidden_edges import hides_sharp_edges, noise_free_surface
-from bezier_filters.fitting.adaptive_fit import (
+from bezier_filters.fitting.fallbacks import fit_with_fallbacks, overall_progress
+from bezier_filters.fitting.first_call import first_call
+from bezier_filters.fitting.mesh_neighbourhoods import MeshNeighbourhoods
+from bezier_filters.fitting.model_cache import MAX_CACHED_VERTICES, CachedFit, cache_fit, cache_key, look_up_fit
+from bezier_filters.fitting.outlier_removal import rebase_displacements
+from bezier_filters.fitting.point_cloud import point_cloud
+from bezier_filters.fitting.region_fits import (
     MIN_MISFIT_RATIO,
     PROBE_COUNT,
-    FindEdges,
-    LearnedSurface,
-    LearnSurface,
-    ProbeVertices,
-    SurfaceFit,
     add_regions,
-    choose_fit,
     first_features,
-    fit_in_balls,
     fit_regions,
-    surface_learner,
 )
-from bezier_filters.fitting.fallbacks import (
-    Fallbacks,
-    FoldTest,
-    fallback_chain,
-    fit_with_fallbacks,
-    overall_progress,
-)
-from bezier_filters.fitting.first_call import first_call
-from bezier_filters.fitting.fit_options import Automatic, check_detail, check_fit_noise, check_radius, fit_options
-from bezier_filters.fitting.model_cache import MAX_CACHED_VERTICES, CachedFit, cache_fit, cache_key, look_up_fit
-from bezier_filters.fitting.outlier_removal import move_outliers, rebase_displacements
-from bezier_filters.fitting.point_cloud import point_cloud
+from bezier_filters.fitting.surface_fit import SurfaceFit, choose_fit
 from bezier_filters.fitting.vertex_geometry import FitChoice, VertexGeometry, arrays_of, empty_geometry
 from bezier_filters.kernels.kernel_input import (
     MIN_NEIGHBOURHOOD_WIDTH,
@@ -45,19 +30,17 @@ from bezier_filters.kernels.kernel_input import (
     kernel_mesh,
     prepare_kernel_mesh,
     replace_vertices,
-    use_smoothed_normals,
 )
 from bezier_filters.meshes.mesh import TriangleMesh, check_selection, takes_arrays, triangle_mesh
 from bezier_filters.meshes.prepared_mesh import PreparedMesh, prepare_mesh
-from bezier_filters.meshes.spatial_order import has_locality, identity_order, sort_spatially
+from bezier_filters.meshes.spatial_order import SpatialOrder, has_locality, identity_order, sort_spatially
 from bezier_filters.meshes.unit_size import normalizes_size
-from bezier_filters.patches.patch_fit import PatchFit
 from bezier_filters.patches.smoothness import Smoothness
 from bezier_filters.runtime.parallel import Progress, runs_on_threads
+from bezier_filters.sampling.neighbourhood_samples import draw_from_mesh
 from bezier_filters.status import FitStatus
-from bezier_filters.surface_model.learn import explain_unusable_mesh, sample_by_mode
-from bezier_filters.surface_model.neighbourhood_samples import NeighbourhoodSample, draw_from_mesh
-from bezier_filters.surface_model.noise_model import NoiseModel
+from bezier_filters.surface_model.fit_options import Automatic, Fallbacks, FitOptions, FoldTest
+from bezier_filters.surface_model.model_tree import Leaf
 
 # Fractions of the probes with large residuals, see `MIN_MISFIT_RATIO`, and with failed fits, above which the mesh is
 # searched for sharp edges under the noise. Noisy blocks, joints, cubes and pyramids exceed one of them; noisy spheres,
@@ -202,196 +185,115 @@ def estimate_vertex_geometry(
     """
     mesh = triangle_mesh(vertices, [] if faces is None else faces)
     outside = _check_normals(normals, mesh)
-    check_radius(radius, rings)
-    rings, fixed, degrees = fit_options(rings, alpha, degree, smoothness)
-    check_fit_noise(noise, fixed, rings, radius)
-    check_detail(detail, rings, radius)
-    if fallbacks not in get_args(Fallbacks):
-        raise InvalidParameterError(f"fallbacks: got {fallbacks!r}, expected one of {get_args(Fallbacks)}")
-    if fold_test not in get_args(FoldTest):
-        raise InvalidParameterError(f"fold_test: got {fold_test!r}, expected one of {get_args(FoldTest)}")
-    if fixed is None and (fallbacks != "sound" or fold_test != "angle" or x_axis is not None):
+    options = FitOptions(rings, alpha, degree, smoothness, robust, noise, detail, radius, fallbacks, fold_test)
+    options.check()
+    if not options.is_fixed and x_axis is not None:
         raise InvalidParameterError(
             "fallbacks, fold_test and x_axis are for fits with a number for alpha; give alpha, or none of them"
         )
-    if fold_test != "angle" and (radius is not None or not mesh.face_count):
+    if fold_test != "angle" and not mesh.face_count:
         raise InvalidParameterError(f"fold_test: got {fold_test!r}; that is for rings of meshes with faces")
-    if fallbacks != "sound" and radius is not None:
-        raise InvalidParameterError(f"fallbacks: got {fallbacks!r} and a radius; the paper's fallbacks need rings")
     axes = None if x_axis is None else _directions(x_axis, mesh, "x_axis")
     mask = None if selected is None else check_selection(selected, mesh.vertex_count)
-
-    request = _FitRequest(
-        rings,
-        fixed,
-        degrees,
-        robust,
-        noise,
-        detail,
-        radius=radius,
-        fallbacks=fallbacks,
-        fold_test=fold_test,
-        axes=axes,
-        outside=outside,
-        conditions=conditions,
-    )
-    return _estimate(mesh, request, lambda _: mask, progress)
+    with first_call():
+        ordered, arrays = _prepare(sort_spatially(mesh), options, outside)
+        if axes is not None:
+            arrays = arrays._replace(x_axes=axes[ordered.order])
+        geometry = empty_geometry(mesh.vertex_count)
+        if conditions:
+            geometry = replace(geometry, condition_number=np.zeros(mesh.vertex_count))
+        return _estimate(mesh, ordered, arrays, options, lambda _: mask, geometry, outside=outside, progress=progress)
 
 
 def geometry_where(mesh: PreparedMesh, select: Callable[[float | None], BoolArray]) -> VertexGeometry:
     """Estimate with automatic choices at vertices (n,) that `select` chooses by the noise, a length."""
-    request = _FitRequest(*fit_options("auto", "auto", "auto", "third_order"))
-    return _estimate(mesh, request, select, keep_order=has_locality(mesh.adjacency))
+    with first_call():
+        # sorting does not pay if few vertices are selected
+        ordered = identity_order(mesh) if has_locality(mesh.adjacency) else sort_spatially(mesh)
+        ordered, arrays = _prepare(ordered, FitOptions(), None)
+        return _estimate(mesh, ordered, arrays, FitOptions(), select, empty_geometry(mesh.vertex_count))
 
 
-@dataclass(frozen=True)
-class _FitRequest:
-    """Checked parameters of `estimate_vertex_geometry`."""
-
-    rings: int | Automatic
-    fixed: PatchFit | None
-    degrees: tuple[int, ...]
-    robust: bool | None = None
-    noise: float | None = None
-    detail: float | None = None
-    radius: float | None = None
-    fallbacks: Fallbacks = "sound"
-    fold_test: FoldTest = "angle"
-    axes: FloatArray | None = None  # (n, 3)
-    outside: FloatArray | None = None  # (n, 3)
-    conditions: bool = False
+def _prepare(ordered: SpatialOrder, options: FitOptions, outside: FloatArray | None) -> tuple[SpatialOrder, KernelMesh]:
+    """Prepare a mesh, or a point cloud with vectors `outside` (n, 3) that point outwards, and its kernel input."""
+    if not ordered.mesh.face_count:
+        adjacency, planes = point_cloud(ordered.mesh, None if outside is None else outside[ordered.order])
+        return ordered, kernel_mesh(ordered.mesh, adjacency, planes, None, ordered)
+    mesh = prepare_mesh(ordered.mesh)
+    return replace(ordered, mesh=mesh), prepare_kernel_mesh(mesh, ordered, creases=not options.is_fixed)
 
 
 def _estimate(
     given: TriangleMesh,
-    request: _FitRequest,
+    ordered: SpatialOrder,
+    arrays: KernelMesh,
+    options: FitOptions,
     select: Callable[[float | None], BoolArray | None],
-    progress: Progress | None = None,
+    geometry: VertexGeometry,
     *,
-    keep_order: bool = False,
+    outside: FloatArray | None = None,
+    progress: Progress | None = None,
 ) -> VertexGeometry:
-    """Estimate the geometry of a mesh or a point cloud at vertices that `select` chooses by the noise, None if unknown.
+    """Estimate the geometry at vertices that `select` chooses by the noise, None if unknown; fills `geometry`.
 
-    On request a mesh keeps its order: sorting does not pay if few vertices are selected.
+    The fit is looked up, or chosen and stored, with the regions that the first fit shows.
     """
-    with first_call():
-        ordered = identity_order(given) if keep_order else sort_spatially(given)
-        mesh, order = ordered.mesh, ordered.order
-        if mesh.face_count:
-            mesh = prepare_mesh(mesh)
-            arrays = prepare_kernel_mesh(mesh, ordered, creases=request.fixed is None)
-        else:
-            adjacency, planes = point_cloud(mesh, None if request.outside is None else request.outside[order])
-            arrays = kernel_mesh(mesh, adjacency, planes, None, ordered)
-        if request.axes is not None:
-            arrays = arrays._replace(x_axes=request.axes[order])
-        geometry = empty_geometry(mesh.vertex_count)
-        if request.conditions:
-            geometry = replace(geometry, condition_number=np.zeros(mesh.vertex_count))
-        surface: FloatArray | None = None
-
-        def hidden_edges(noise: NoiseModel) -> BoolArray | None:
-            nonlocal surface
-            if request.robust or not given.face_count or not hides_sharp_edges(prepare_mesh(mesh), noise):
-                return None
-            found, edges = noise_free_surface(prepare_mesh(given), noise)
-            surface = found.vertices
-            result: BoolArray = edges[order]
-            return result
-
-        def rows_of_mask(mask: BoolArray | None) -> IntArray:
-            return (np.arange(mesh.vertex_count) if mask is None else np.flatnonzero(mask[order])).astype(np.int32)
-
-        if request.radius is None:
-            options = request.rings, request.fixed, request.degrees, request.robust, request.noise, request.detail
-            is_learned = (
-                request.fixed is None or request.rings == "auto"
-            ) and given.vertex_count <= MAX_CACHED_VERTICES
-            key = (
-                cache_key(given.vertices, given.faces, request.outside, request.fallbacks, request.fold_test, *options)
-                if is_learned
-                else None
-            )
-            known, learned = look_up_fit(key), None
-            if known is not None:
-                fit, surface, fitted = known.fit, known.surface, arrays._replace(barriers=known.stops[order])
-                if known.cleaned is not None:
-                    fitted = replace_vertices(fitted, known.cleaned[order])
-            else:
-                fit, learned, fitted = _choose(arrays, lambda learn: choose_fit(learn, *options), hidden_edges)
-                if request.fixed is None or request.rings == "auto":
-                    fit = replace(fit, choice=_add_noise_reason(fit.choice, arrays))
-            if request.fixed is not None and (request.fallbacks != "sound" or request.fold_test != "angle"):
-                crossings = request.fold_test == "crossings"
-                chain = fallback_chain(fit.choice.rings, request.fixed, fallbacks=request.fallbacks)
-                fit = replace(fit, attempts=tuple(replace(one, by_crossings=crossings) for one in chain))
-            mask = select(fit.choice.noise_sigma)
-            ids = rows_of_mask(mask)
-            choice, fit = _fit(fitted, ids, fit, learned, geometry, progress)
-            if fit.cleaned:
-                rebase_displacements(arrays.vertices, fitted, ids, geometry)
-            if learned is not None:
-                cleaned = ordered.restore_order(fitted.vertices) if fit.cleaned else None
-                cache_fit(key, CachedFit(fit, ordered.restore_order(fitted.barriers), surface, cleaned))
-        else:
-            mask = select(request.noise)
-            choice = fit_in_balls(
-                arrays,
-                rows_of_mask(mask),
-                float(request.radius),
-                request.fixed,
-                request.degrees,
-                geometry,
-                sigma=request.noise,
-                robust=bool(request.robust),
-                find_edges=hidden_edges,
-                progress=progress,
-            )
-            if request.fixed is None:
-                choice = _add_noise_reason(choice, arrays)
-        if mask is not None:
-            _clear(geometry, ~mask & (geometry.status != FitStatus.SKIPPED))
-        return replace(geometry, fit=choice, noise_free=surface)
+    is_cached = options.is_learned and given.vertex_count <= MAX_CACHED_VERTICES
+    key = cache_key(given.vertices, given.faces, outside, options) if is_cached else None
+    known, root = look_up_fit(key), None
+    if known is None:
+        fit, root, source, noise_free = _choose(given, ordered, arrays, options)
+    else:
+        fit, noise_free = known.fit, known.noise_free
+        fitted = arrays._replace(barriers=known.barriers[ordered.order])
+        if known.cleaned is not None:
+            fitted = replace_vertices(fitted, known.cleaned[ordered.order])
+        source = MeshNeighbourhoods(fitted)
+    mask = select(fit.choice.noise_sigma)
+    ids = (np.arange(given.vertex_count) if mask is None else np.flatnonzero(mask[ordered.order])).astype(np.int32)
+    choice, fit = _fit(source, ids, fit, root, options, geometry, progress)
+    if fit.cleaned:
+        rebase_displacements(arrays.vertices, source.mesh, ids, geometry)
+    if root is not None and is_cached:
+        cleaned = ordered.restore_order(source.mesh.vertices) if fit.cleaned else None
+        cache_fit(key, CachedFit(fit, ordered.restore_order(source.mesh.barriers), noise_free, cleaned))
+    if mask is not None:
+        _clear(geometry, ~mask & (geometry.status != FitStatus.SKIPPED))
+    return replace(geometry, fit=choice, noise_free=noise_free)
 
 
 def _choose(
-    arrays: KernelMesh,
-    choose: Callable[[LearnSurface], tuple[SurfaceFit, LearnedSurface | None]],
-    find_edges: FindEdges,
-) -> tuple[SurfaceFit, LearnedSurface | None, KernelMesh]:
-    """Choose the fit of a mesh, again if sharp edges are found; also return the mesh to fit."""
+    given: TriangleMesh, ordered: SpatialOrder, arrays: KernelMesh, options: FitOptions
+) -> tuple[SurfaceFit, Leaf | None, MeshNeighbourhoods, FloatArray | None]:
+    """Choose the fit of a mesh, again if sharp edges are found under its noise.
 
-    def choose_with_edges(
-        arrays: KernelMesh, edges: BoolArray | None = None
-    ) -> tuple[SurfaceFit, LearnedSurface | None, KernelMesh]:
-        cleaned = cache(partial(move_outliers, arrays, edges))
-        fit, learned = choose(surface_learner(arrays, cleaned))
-        return fit, learned, cleaned() if fit.cleaned else arrays
-
-    fit, learned, fitted = choose_with_edges(arrays)
-    if learned is None:
-        return fit, learned, fitted
-    surface = learned.root.surface
-    # under heavy noise no residual is large
-    if fit.choice.noise_heavy or _misses_edges(fitted, fit, surface.sigma):
-        edges = find_edges(surface.noise)
-        if edges is not None and (edges & ~fitted.barriers).any():
-            return choose_with_edges(arrays._replace(barriers=arrays.barriers | edges), edges)
-    return fit, learned, fitted
-
-
-def _add_noise_reason(choice: FitChoice, arrays: KernelMesh) -> FitChoice:
-    """Add to a choice why the noise is unknown, if it is."""
-    return choice if choice.noise_sigma is not None else replace(choice, noise_reason=explain_unusable_mesh(arrays))
+    Returns the fit, the model of the surface if it was learned, the neighbourhoods to fit, and the denoised vertices
+    (n, 3) if they were needed.
+    """
+    source, noise_free = MeshNeighbourhoods(arrays), None
+    fit, root = choose_fit(source, options)
+    fitted = source.clean if fit.cleaned else source
+    if root is not None and given.face_count and not options.robust:
+        noise = root.surface.noise
+        # under heavy noise no residual is large
+        is_suspect = options.radius is not None or noise.heavy or _misses_edges(fitted.mesh, fit, noise.sigma)
+        if is_suspect and hides_sharp_edges(prepare_mesh(ordered.mesh), noise):
+            surface, edges = noise_free_surface(prepare_mesh(given), noise)
+            noise_free, edges = surface.vertices, edges[ordered.order]
+            if (edges & ~fitted.mesh.barriers).any():
+                source = MeshNeighbourhoods(arrays._replace(barriers=arrays.barriers | edges), edges)
+                fit, root = choose_fit(source, options)
+                fitted = source.clean if fit.cleaned else source
+    return fit, root, fitted, noise_free
 
 
-def _misses_edges(arrays: KernelMesh, fit: SurfaceFit, sigma: float) -> bool:
+def _misses_edges(mesh: KernelMesh, fit: SurfaceFit, sigma: float) -> bool:
     """Whether residuals are larger than the noise, or fits fail, at so many probes that sharp edges are likely."""
-    drawn = np.sort(draw_from_mesh(arrays, PROBE_COUNT))
-    rows = np.zeros(len(arrays.vertices), dtype=np.int32)
+    drawn = np.sort(draw_from_mesh(mesh, PROBE_COUNT))
+    rows = np.zeros(len(mesh.vertices), dtype=np.int32)
     rows[drawn] = np.arange(len(drawn))
     found = empty_geometry(len(drawn))
-    fit_with_fallbacks(arrays._replace(origin=rows), drawn, fit.attempts, found, robust=fit.robust)
+    fit_with_fallbacks(mesh._replace(origin=rows), drawn, fit.attempts, found, robust=fit.robust)
     ratio, misfits, failures = MIN_MISFIT_RATIO, EDGE_MISFIT_FRACTION, EDGE_FAILURE_FRACTION
     if fit.cleaned:
         ratio, misfits, failures = OUTLIER_MISFIT_RATIO, OUTLIER_MISFIT_FRACTION, OUTLIER_FAILURE_FRACTION
@@ -400,10 +302,11 @@ def _misses_edges(arrays: KernelMesh, fit: SurfaceFit, sigma: float) -> bool:
 
 
 def _fit(
-    arrays: KernelMesh,
+    source: MeshNeighbourhoods,
     ids: IntArray,
     fit: SurfaceFit,
-    learned: LearnedSurface | None,
+    root: Leaf | None,
+    options: FitOptions,
     geometry: VertexGeometry,
     progress: Progress | None,
 ) -> tuple[FitChoice, SurfaceFit]:
@@ -412,23 +315,18 @@ def _fit(
     The sample and the probes are fitted, too, so that the regions do not depend on `ids`; their rows of `geometry` are
     to be ignored.
     """
-    if fit.steady:
-        arrays = use_smoothed_normals(arrays)
-    drawn = draw_from_mesh(arrays, PROBE_COUNT) if learned is not None else ids[:0]
-    first = ids
-    if learned is not None and len(ids) < len(arrays.vertices):
-        first = np.unique(np.concatenate([ids, learned.centers, drawn]))
+    arrays, first = source.smoothed if fit.smooth_normals else source.mesh, ids
+    has_regions = root is not None and options.radius is None
+    if root is not None and has_regions:
+        probes = draw_from_mesh(arrays, PROBE_COUNT)
+        sampled = np.union1d(root.centers, probes).astype(np.int32)
+        if len(ids) < len(arrays.vertices):
+            first = np.union1d(ids, sampled).astype(np.int32)
     first_progress = overall_progress(progress, 0, len(ids))
     fit_with_fallbacks(arrays, first, fit.attempts, geometry, robust=fit.robust, progress=first_progress)
-    if learned is not None:
-
-        def features(centers: IntArray) -> FloatArray:
-            return first_features(geometry, arrays.origin[centers])
-
-        def sample(centers: IntArray, rings: int) -> NeighbourhoodSample:
-            return sample_by_mode(arrays, centers, rings, "plain")
-
-        fit = add_regions(fit, learned, ProbeVertices(drawn, features, sample))
+    if root is not None and has_regions:
+        features = first_features(geometry, arrays.origin[sampled])
+        fit = add_regions(fit, root, source, options, probes, sampled, features)
     return fit_regions(arrays, ids, fit, geometry, progress=progress), fit
 
 

@@ -2,11 +2,11 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, ByteArray, IntArray
+from bezier_filters.errors import InvalidParameterError
 from bezier_filters.fitting.vertex_geometry import VertexGeometry, empty_geometry
 from bezier_filters.kernels.crossing_edges import MEAN_PLANE, NEIGHBOUR_PLANE, OWN_PLANE, find_planes
 from bezier_filters.kernels.fit_kernel import fit_task
@@ -27,9 +27,10 @@ from bezier_filters.meshes.spatial_order import sort_spatially
 from bezier_filters.patches.patch_fit import PatchFit
 from bezier_filters.patches.polynomials import elimination_order, lexicographic_places, row_starts
 from bezier_filters.runtime.parallel import Progress, run_in_chunks, run_kernel
+from bezier_filters.sampling.neighbourhood_samples import MAX_FLIPPED_FRACTION
 from bezier_filters.status import FitStatus
+from bezier_filters.surface_model.fit_options import Fallbacks, FitOptions
 from bezier_filters.surface_model.fit_spec import FitSpec
-from bezier_filters.surface_model.learn import MAX_FLIPPED_FRACTION
 from bezier_filters.surface_model.quartic_mean import QUARTIC
 
 MIN_PIVOT = 1e-6  # relative pivot below which the points do not determine a patch: its error stays near 1e-10
@@ -37,8 +38,6 @@ MIN_PRIOR_PIVOT = 1e-10  # the same for fits with a prior, which determines the 
 MAX_EXTRA_RINGS = 3  # rings by which an ill-posed neighbourhood may grow
 # fraction of the usual number of points: a neighbourhood with fewer, at a boundary or a crease, takes more rings
 MIN_POINT_FRACTION = 0.75
-Fallbacks = Literal["sound", "paper"]
-FoldTest = Literal["angle", "crossings"]
 # practically a plain quadratic: six coefficients that six well-placed points determine
 QUADRATIC = PatchFit(degree=2, alpha=0.1)
 # the flattest quadratic through points that do not determine all curvatures, as two rows of points
@@ -186,8 +185,11 @@ def fit_with_fallbacks(
     geometry.status[mesh.origin[never_fitted]] = int(FitStatus.NORMAL_ONLY)
 
 
-def fit_patches(mesh: TriangleMesh, rings: int, fit: PatchFit, *, progress: Progress | None = None) -> VertexGeometry:
-    """Geometry of all vertices of a mesh by one patch fit with its fallbacks."""
+def fit_patches(mesh: TriangleMesh, options: FitOptions, *, progress: Progress | None = None) -> VertexGeometry:
+    """Geometry of all vertices of a mesh by one patch fit with its fallbacks; rings and patch must be given."""
+    rings, fit = options.ring_count, options.patch
+    if rings is None or fit is None:
+        raise InvalidParameterError("rings, alpha: got 'auto', expected numbers")
     ordered = sort_spatially(mesh)
     arrays = prepare_kernel_mesh(ordered.mesh, ordered, creases=False)
     geometry = empty_geometry(mesh.vertex_count)

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from bezier_filters.fitting.fallbacks import QUADRATIC, FitAttempt, fit_with_fallbacks
+from bezier_filters.fitting.mesh_neighbourhoods import MeshNeighbourhoods
 from bezier_filters.fitting.vertex_geometry import empty_geometry
 from bezier_filters.kernels.fit_kernel import fit_in_lanes
 from bezier_filters.kernels.graph_geometry import bound_errors
@@ -28,7 +29,7 @@ from bezier_filters.runtime.parallel import usable_threads
 from bezier_filters.runtime.process_end import end_with_parent
 from bezier_filters.runtime.supervision import python_command
 from bezier_filters.status import FitStatus
-from bezier_filters.surface_model.fit_spec import FitConstraints
+from bezier_filters.surface_model.fit_options import FitOptions
 from bezier_filters.surface_model.learn import learn_surface
 from bezier_filters.surfaces import sphere
 
@@ -90,6 +91,6 @@ def compile_the_rest() -> None:
     ball = sphere(resolution=8)
     ordered = sort_spatially(triangle_mesh(ball.vertices, ball.faces))
     arrays = prepare_kernel_mesh(ordered.mesh, ordered, creases=True)
-    learn_surface(arrays, FitConstraints())
+    learn_surface(MeshNeighbourhoods(arrays), FitOptions())
     # regions of a surface may need it later
     bound_errors(arrays, np.zeros(0, np.int32), np.zeros(0), np.zeros(0), 0, 0)

@@ -9,7 +9,7 @@ from threading import Lock
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
-from bezier_filters.fitting.adaptive_fit import SurfaceFit
+from bezier_filters.fitting.surface_fit import SurfaceFit
 from bezier_filters.runtime.parallel import run_kernel
 
 MAX_CACHED_FITS = 4  # meshes, or sets of options of one mesh
@@ -20,11 +20,11 @@ _lock, _recent = Lock(), OrderedDict[Hashable, "CachedFit"]()
 
 @dataclass(frozen=True)
 class CachedFit:
-    """The fit of a mesh, its barriers and its vertices."""
+    """The fit chosen for a mesh; arrays are in the order of its vertices."""
 
     fit: SurfaceFit
-    stops: BoolArray  # (n,): barriers, at which neighbourhoods end
-    surface: FloatArray | None  # (n, 3): the denoised vertices, if they were needed to find sharp edges
+    barriers: BoolArray  # (n,): vertices across which neighbourhoods do not extend
+    noise_free: FloatArray | None  # (n, 3): the denoised vertices, if they were needed to find sharp edges
     cleaned: FloatArray | None  # (n, 3): the vertices without outliers, if these are fitted
 
 
@@ -56,7 +56,7 @@ def look_up_fit(key: Hashable) -> CachedFit | None:
 
 def cache_fit(key: Hashable, learned: CachedFit) -> None:
     """Store a fit, and drop the least recently used one."""
-    if len(learned.stops) > MAX_CACHED_VERTICES:
+    if len(learned.barriers) > MAX_CACHED_VERTICES:
         return
     with _lock:
         _recent[key] = learned

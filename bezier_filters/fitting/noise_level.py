@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from bezier_filters.fitting.adaptive_fit import LearnSurface, learn_without_outliers, surface_learner
+from bezier_filters.fitting.mesh_neighbourhoods import MeshNeighbourhoods
 from bezier_filters.kernels.kernel_input import prepare_kernel_mesh
 from bezier_filters.meshes.prepared_mesh import PreparedMesh
-from bezier_filters.surface_model.fit_spec import FitConstraints
-from bezier_filters.surface_model.learn import explain_unusable_mesh
-from bezier_filters.surface_model.noise_model import NoiseModel, rescale_noise
+from bezier_filters.noise.noise_model import NoiseModel, rescale_noise
+from bezier_filters.sampling.neighbourhood_samples import Neighbourhoods
+from bezier_filters.surface_model.fit_options import FitOptions
+from bezier_filters.surface_model.learn import explain_unknown_surface, learn_without_outliers
 
 # standard deviation of the noise over the mean edge, above which angles of flat edges look sharp: less noise turns a
 # face by 5 degrees at most
@@ -24,26 +25,29 @@ def learn_mesh_noise(mesh: PreparedMesh, sigma: float | None = None, robust: boo
 
     The result is None if the mesh is too coarse. Outliers do not count as noise, unless `robust` is False.
     """
-    arrays = prepare_kernel_mesh(mesh, creases=True)
-    return estimate_noise(surface_learner(arrays), sigma, robust, MAX_NOISE_PER_EDGE * mesh.mean_edge)
+    return estimate_noise(_neighbourhoods(mesh), sigma, robust, MAX_NOISE_PER_EDGE * mesh.mean_edge)
 
 
 def explain_unknown_noise(mesh: PreparedMesh) -> str:
     """Say why `learn_mesh_noise` finds no noise model."""
-    return explain_unusable_mesh(prepare_kernel_mesh(mesh, creases=True))
+    return explain_unknown_surface(_neighbourhoods(mesh))
 
 
 def estimate_noise(
-    learn: LearnSurface, sigma: float | None, robust: bool | None, most: float = np.inf
+    source: Neighbourhoods, sigma: float | None, robust: bool | None, most: float = np.inf
 ) -> NoiseModel | None:
     """Estimate the noise as `learn_mesh_noise`, in memory or in tiles; an estimate above `most` is discarded."""
     if sigma == 0.0:
         return NoiseModel(0.0)
-    _, leaf = learn_without_outliers(learn, FitConstraints(only_noise=True), robust)
+    leaf = learn_without_outliers(source, FitOptions(robust=robust), only_noise=True)
     learned = None if leaf is None or leaf.surface.noise.sigma > most else leaf.surface.noise
     if learned is not None and robust is False:
         learned = replace(learned, outliers=0.0)
     return learned if sigma is None else rescale_noise(learned, sigma)
+
+
+def _neighbourhoods(mesh: PreparedMesh) -> MeshNeighbourhoods:
+    return MeshNeighbourhoods(prepare_kernel_mesh(mesh, creases=True))
 
 
 def is_noisy(mesh: PreparedMesh, sigma: float | None) -> bool:

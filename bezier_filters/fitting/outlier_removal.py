@@ -10,8 +10,8 @@ from bezier_filters.fitting.vertex_geometry import VertexGeometry, empty_geometr
 from bezier_filters.kernels.kernel_input import KernelMesh, recompute_barriers, replace_vertices
 from bezier_filters.meshes.spikes import move_folded_vertices
 from bezier_filters.patches.patch_fit import PatchFit
+from bezier_filters.sampling.neighbourhood_samples import MAX_FLIPPED_BY_OUTLIERS
 from bezier_filters.status import FitStatus
-from bezier_filters.surface_model.learn import MAX_FLIPPED_BY_OUTLIERS
 
 ROBUST_FIT_RINGS = 3  # ring of the robust fit: narrow, and without a model that outliers could mislead
 OUTLIER_SIGMAS = 3.5  # local standard deviations of an outlier's residual; false positives hardly move

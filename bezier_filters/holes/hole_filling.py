@@ -15,7 +15,6 @@ from numpy.typing import ArrayLike
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.display import html_table
 from bezier_filters.errors import InvalidParameterError
-from bezier_filters.fitting.fit_options import check_noise
 from bezier_filters.holes.fill_methods import (
     FILL_METHODS,
     FaceSet,
@@ -36,6 +35,7 @@ from bezier_filters.meshes.self_intersections import faces_in_boxes
 from bezier_filters.meshes.unit_size import LENGTH, normalizes_size
 from bezier_filters.patches.patch_fit import PatchFit
 from bezier_filters.runtime.parallel import Progress, report, run_kernel, runs_on_threads
+from bezier_filters.surface_model.fit_options import check_noise
 
 if TYPE_CHECKING:
     from bezier_filters import Page

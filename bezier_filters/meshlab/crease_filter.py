@@ -9,7 +9,6 @@ from bezier_filters.arrays import BoolArray, FloatArray, IntArray, Report
 from bezier_filters.errors import InvalidMeshError
 from bezier_filters.feature_lines.crease_lines import COLORS, Creases, crease_columns, edge_mesh, find_creases
 from bezier_filters.fields import CREASES, PREFIX, column_names
-from bezier_filters.fitting.fit_options import Automatic
 from bezier_filters.meshlab.filter_run import Computed, Output, run_filter
 from bezier_filters.meshlab.meshset import (
     CurrentMesh,
@@ -25,6 +24,7 @@ from bezier_filters.parameters import complete_docstring
 from bezier_filters.patches.smoothness import Smoothness
 from bezier_filters.runtime.parallel import Progress
 from bezier_filters.status import FitStatus
+from bezier_filters.surface_model.fit_options import Automatic
 
 CREASE_COLUMNS = tuple(column_names(CREASES))
 # attribute of points for the segment after each, as pymeshlab has no attributes of edges

@@ -12,7 +12,6 @@ import numpy as np
 from bezier_filters.arrays import BoolArray, FloatArray, Report
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.fields import CURVATURE, GRADE, NORMALS, PREFIX, SMOOTH, TORSION, columns
-from bezier_filters.fitting.fit_options import Automatic
 from bezier_filters.fitting.vertex_geometry import VertexGeometry
 from bezier_filters.meshlab.direction_columns import Direction, check_direction, direction_columns
 from bezier_filters.meshlab.filter_run import Computed, Output, run_filter
@@ -32,6 +31,7 @@ from bezier_filters.patches.smoothness import Smoothness
 from bezier_filters.runtime.parallel import Progress
 from bezier_filters.smoothing.smooth import SmoothedBorders, SmoothingMethod, SmoothingResult, smooth
 from bezier_filters.status import FitStatus
+from bezier_filters.surface_model.fit_options import Automatic
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@
 """
 
 from bezier_filters.scale.estimate import estimate_file
-from bezier_filters.scale.learn import FitOptions
 from bezier_filters.scale.smooth import smooth_file
+from bezier_filters.surface_model.fit_options import FitOptions
 
 __all__ = ["FitOptions", "estimate_file", "smooth_file"]

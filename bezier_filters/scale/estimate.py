@@ -10,20 +10,22 @@ import numpy as np
 from bezier_filters.arrays import Report
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.fields import CURVATURE, ESTIMATES, PREFIX, QUALITY, TORSION, Field, fields_of, values_of
-from bezier_filters.fitting.adaptive_fit import SurfaceFit, fit_regions
 from bezier_filters.fitting.fallbacks import fit_with_fallbacks
 from bezier_filters.fitting.outlier_removal import rebase_displacements
-from bezier_filters.fitting.vertex_geometry import FitChoice, FitPart, VertexGeometry, empty_geometry
+from bezier_filters.fitting.region_fits import count_part, fit_regions
+from bezier_filters.fitting.surface_fit import SurfaceFit
+from bezier_filters.fitting.vertex_geometry import FitChoice, VertexGeometry, empty_geometry
 from bezier_filters.runtime.parallel import single_threaded_blas
 from bezier_filters.scale.array_file import Values
 from bezier_filters.scale.halo import TilePart, tile_part
-from bezier_filters.scale.learn import FitOptions, learn_fit, mesh_to_fit, rings_needed
+from bezier_filters.scale.learn import check_tile_options, learn_fit, mesh_to_fit, rings_needed
 from bezier_filters.scale.run import Round, RunOptions, StageProgress, file_run
 from bezier_filters.scale.scheduling import Scheduler, dashboard
 from bezier_filters.scale.source import SourcePath, open_source
 from bezier_filters.scale.store import Store
 from bezier_filters.scale.tiles import TileReport, table_of
 from bezier_filters.status import FitStatus
+from bezier_filters.surface_model.fit_options import FitOptions
 from bezier_filters.surface_model.model_tree import leaves
 
 ALL = "all"  # every estimate
@@ -126,7 +128,8 @@ def estimate_file(
     True
     """
     options = options or FitOptions()
-    opened, creases = open_source(source), options.creases
+    check_tile_options(options)
+    opened, creases = open_source(source), not options.is_fixed
     chosen_quality, chosen = chosen_columns(quantity, quality, columns)
     parameters = {"quantity": quantity, "quality": chosen_quality, "columns": chosen, "options": asdict(options)}
     how = RunOptions(scheduler, workers, tile_vertices, memory_limit, store, resume, keep_store, progress)
@@ -205,7 +208,7 @@ def _no_curvature(status: FitStatus) -> str:
 def fit_tile(store: Store, fit: SurfaceFit, creases: bool, tile: int) -> tuple[VertexGeometry, TilePart]:
     """Estimate the vertices of a tile as in the whole mesh; also returns the part of the mesh that was read."""
     part = tile_part(store, tile, rings_needed(fit))
-    arrays = mesh_to_fit(part.mesh, creases, fit.cleaned, fit.steady)
+    arrays = mesh_to_fit(part.mesh, creases, fit.cleaned, fit.smooth_normals)
     own = np.arange(part.own.start, part.own.stop, dtype=np.int32)
     arrays = arrays._replace(origin=np.arange(len(part.ids), dtype=np.int32) - own[0])
     geometry = empty_geometry(len(own))
@@ -221,5 +224,5 @@ def _count_parts(fit: SurfaceFit, done: Round) -> FitChoice:
     if fit.regions is None:
         return fit.choice
     found = zip(done.sums("parts"), leaves(fit.regions), strict=True)
-    parts = tuple(FitPart(int(count), part.rings, part.degree, part.noise_sigma) for count, part in found)
+    parts = tuple(count_part(part, int(count)) for count, part in found)
     return replace(fit.choice, parts=parts)

@@ -11,19 +11,26 @@ import numpy as np
 from bezier_filters.arrays import BoolArray, FloatArray, Report
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.fields import PREFIX, QUALITY
-from bezier_filters.fitting.adaptive_fit import SurfaceFit
 from bezier_filters.fitting.outlier_removal import OUTLIER_REACH
+from bezier_filters.fitting.surface_fit import SurfaceFit
 from bezier_filters.meshes.adjacency import incoherent_vertices
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.prepared_mesh import PreparedMesh, prepare_mesh
 from bezier_filters.meshes.spatial_order import cuthill_mckee_order
+from bezier_filters.noise.noise_model import NoiseModel
 from bezier_filters.runtime.atomic import atomic_write
 from bezier_filters.runtime.parallel import single_threaded_blas
 from bezier_filters.scale.array_file import ArrayFile, Values, save_array
 from bezier_filters.scale.components import StoredComponents, label_vertices, merge_components
 from bezier_filters.scale.estimate import fit_tile
 from bezier_filters.scale.halo import TilePart, tile_part
-from bezier_filters.scale.learn import FitOptions, learn_fit, learn_store_noise, rings_needed, sample_store_parts
+from bezier_filters.scale.learn import (
+    check_tile_options,
+    learn_fit,
+    learn_store_noise,
+    rings_needed,
+    sample_store_parts,
+)
 from bezier_filters.scale.run import Round, Run, RunOptions, StageProgress, TileTask, file_run
 from bezier_filters.scale.scheduling import Scheduler
 from bezier_filters.scale.source import SourcePath, open_source
@@ -57,7 +64,7 @@ from bezier_filters.smoothing.volume import (
     volume_steps,
     volumes_along,
 )
-from bezier_filters.surface_model.noise_model import NoiseModel
+from bezier_filters.surface_model.fit_options import FitOptions
 
 # columns of the displacement and of the weight of sharp estimates
 DISPLACEMENT, SHARPNESS = PREFIX + "displacement", PREFIX + "sharpness"
@@ -148,7 +155,7 @@ def smooth_file(
     if method == "paper" and (borders != "curve" or keep_volume):
         raise InvalidParameterError("borders, keep_volume: method='paper' in tiles has no such options; leave them out")
     fit_options = options or PAPER_OPTIONS
-    fit_options.check()
+    check_tile_options(fit_options)
     opened = open_source(source)
     how = RunOptions(scheduler, workers, tile_vertices, memory_limit, store, resume, keep_store, progress)
     if method == "auto":
@@ -440,7 +447,7 @@ def _smooth_onto_patches(run: Run, iterations: int, options: FitOptions) -> Repo
         results = run.results({"quantity": "patches", "options": asdict(options), "step": step})
         with run.stages.stage("learn"):
             fit = learn_fit(current, options)
-        move = partial(move_tile, run.store, current, fit, options.creases)
+        move = partial(move_tile, run.store, current, fit, not options.is_fixed)
         current, done = _run_round(run, f"step {step + 1}", results, move)
     run.write(done.tiles)
     return run.report() | {

@@ -18,6 +18,7 @@ import numpy as np
 
 from bezier_filters.arrays import FloatArray, SingleArray
 from bezier_filters.meshes.prepared_mesh import PreparedMesh
+from bezier_filters.noise.noise_model import NoiseModel
 from bezier_filters.runtime.parallel import Progress, report
 from bezier_filters.smoothing.clusters import Clusters, clusters_of
 from bezier_filters.smoothing.laplacian import Borders, umbrella_laplacian
@@ -52,7 +53,6 @@ from bezier_filters.smoothing.risk import (
     select_estimates,
 )
 from bezier_filters.smoothing.sliding import TangentialMotion, choose_sliding, restrict_to_normals
-from bezier_filters.surface_model.noise_model import NoiseModel
 
 # kinds of estimates: the low-pass filter; one bilateral round after a slightly weaker low-pass filter; sharp ones
 LOW_PASS_KIND, WEAK_BILATERAL_KIND = 0, 1

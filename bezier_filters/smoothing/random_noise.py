@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray, SingleArray
+from bezier_filters.noise.noise_model import NoiseModel
 from bezier_filters.smoothing.chebyshev import diffuse
 from bezier_filters.smoothing.laplacian import Laplacian
-from bezier_filters.surface_model.noise_model import NoiseModel
 
 PROBE_SIGN_COLUMN = 32  # first column of random signs that did not serve to select the filters
 CORRELATED_NOISE_STREAM = 100  # first stream of the random bits for correlated noise

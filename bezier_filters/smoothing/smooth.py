@@ -1,7 +1,7 @@
 """Smoothing of meshes: the public function `smooth` and its result."""
 
 from dataclasses import dataclass, field
-from typing import Literal, cast
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,14 +11,12 @@ from bezier_filters.display import html_table, noise_in_words, noise_level
 from bezier_filters.errors import InvalidParameterError, is_integer
 from bezier_filters.fitting.fallbacks import fit_patches
 from bezier_filters.fitting.first_call import first_call
-from bezier_filters.fitting.fit_options import check_detail, check_noise, fit_options
 from bezier_filters.fitting.noise_level import explain_unknown_noise, learn_mesh_noise
 from bezier_filters.meshes.half_edges import non_manifold_edge_vertices
 from bezier_filters.meshes.mesh import check_selection, takes_arrays, triangle_mesh
 from bezier_filters.meshes.prepared_mesh import PreparedMesh, longest_edges, prepare_mesh
 from bezier_filters.meshes.spatial_order import ensure_locality
 from bezier_filters.meshes.unit_size import LENGTH, VOLUME, normalizes_size
-from bezier_filters.patches.patch_fit import PatchFit
 from bezier_filters.runtime.parallel import Progress, runs_on_threads
 from bezier_filters.smoothing.denoise import SmoothingOptions
 from bezier_filters.smoothing.denoise_with_outliers import denoise_mesh
@@ -30,6 +28,7 @@ from bezier_filters.smoothing.volume import (
     restore_volumes,
     volume_not_restored,
 )
+from bezier_filters.surface_model.fit_options import FitOptions, check_detail, check_noise
 
 SmoothingMethod = Literal["auto", "paper"]
 SmoothedBorders = Literal["curve", "fixed"]
@@ -238,8 +237,8 @@ def smooth(
     """
     given = prepare_mesh(triangle_mesh(vertices, faces))
     check_smoothing(method, iterations, noise, borders, detail, relax, rings, alpha)
-    chosen = fit_options("auto" if rings is None else rings, "auto" if alpha is None else alpha, "auto", "paper")
-    ring_count, fit = int(chosen[0]), cast("PatchFit", chosen[1])
+    paper = FitOptions("auto" if rings is None else rings, "auto" if alpha is None else alpha, smoothness="paper")
+    paper.check()
     ordered = ensure_locality(given)
     mesh = prepare_mesh(ordered.mesh)
     n = mesh.vertex_count
@@ -258,7 +257,7 @@ def smooth(
                 found = denoise_mesh(current, here, options, progress=part)
                 points, sharpness = found.points, np.maximum(sharpness, found.sharpness)
             else:
-                moves = fit_patches(current, ring_count, fit, progress=part).displacements
+                moves = fit_patches(current, paper, progress=part).displacements
                 points = points + admissible_displacements(current, moves)
             points = np.where(movable[:, np.newaxis], points, mesh.vertices)
             if np.array_equal(points, current.vertices) and (k or noise is None):

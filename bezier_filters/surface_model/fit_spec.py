@@ -16,11 +16,11 @@ import numpy as np
 from bezier_filters.arrays import FloatArray
 from bezier_filters.patches.harmonics import harmonic_basis
 from bezier_filters.patches.polynomials import PolynomialSpace, total_degree_space
+from bezier_filters.sampling.ring_analysis import FREE_DEGREE
+from bezier_filters.surface_model.fit_options import CANDIDATE_DEGREES, FitOptions
 from bezier_filters.surface_model.model import RingModel, SurfaceModel
 from bezier_filters.surface_model.quartic_mean import QUARTIC
-from bezier_filters.surface_model.ring_analysis import FREE_DEGREE
 
-CANDIDATE_DEGREES = (2, 3, 4, 5, 6)
 THIRD_ORDER = 3
 # times the information of the points on a term: suppresses the term and keeps the normal equations well conditioned
 MAX_PRIOR = 1e5
@@ -155,21 +155,12 @@ def posterior_variances(equations: FitEquations) -> tuple[float, float]:
     return float(covariance[:2].sum()), float(covariance[2:].sum())
 
 
-@dataclass(frozen=True)
-class FitConstraints:
-    """Constraints of the selection."""
-
-    rings: int | None = None  # the only ring that is allowed; None for all
-    degrees: tuple[int, ...] = CANDIDATE_DEGREES
-    noise: float | None = None  # known standard deviation of the noise, a length
-    max_radius: float = np.inf  # largest radius of a neighbourhood, a length; the narrowest ring is always allowed
-    only_noise: bool = False  # whether only the noise is needed: then not all rings are analysed
-
-    def select(self, specs: Sequence[FitSpec]) -> list[FitSpec]:
-        """Specifications that satisfy the constraints."""
-        narrowest = min((spec.radius for spec in specs), default=0.0)
-        narrow = [spec for spec in specs if spec.radius <= max(self.max_radius, narrowest)]
-        return narrow if self.rings is None else [spec for spec in specs if spec.rings == self.rings]
+def allowed_specs(specs: Sequence[FitSpec], options: FitOptions) -> list[FitSpec]:
+    """Specifications with the given rings or, if none are given, without too large a radius."""
+    narrowest = min((spec.radius for spec in specs), default=0.0)
+    narrow = [spec for spec in specs if spec.radius <= max(options.max_radius, narrowest)]
+    rings = options.ring_count
+    return narrow if rings is None else [spec for spec in specs if spec.rings == rings]
 
 
 def best_specs(surface: SurfaceModel, degrees: Sequence[int] = CANDIDATE_DEGREES) -> list[FitSpec]:

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from bezier_filters.arrays import FloatArray
+from bezier_filters.noise.noise_model import NoiseModel, RingNoise, ring_noise
 from bezier_filters.patches.harmonics import HIGHEST_DEGREE, harmonic_basis
-from bezier_filters.surface_model.noise_model import NoiseModel, RingNoise, ring_noise
+from bezier_filters.sampling.ring_analysis import FREE_DEGREE, RingAnalysis
 from bezier_filters.surface_model.quartic_mean import QuarticMean, learn_quartic_mean
-from bezier_filters.surface_model.ring_analysis import FREE_DEGREE, RingAnalysis
 from bezier_filters.surface_model.variances import (
     CORRELATED_NOISE_ERROR,
     PRIOR_RANGE,

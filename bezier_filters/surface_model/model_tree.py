@@ -12,11 +12,14 @@ from typing import Generic, TypeAlias, TypeVar
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.noise.noise_model import NoiseModel, rescale_noise
 from bezier_filters.patches.harmonics import harmonic_basis
+from bezier_filters.sampling.ring_analysis import FREE_DEGREE, RingAnalysis
+from bezier_filters.surface_model.fit_options import FitOptions
 from bezier_filters.surface_model.fit_spec import (
     THIRD_ORDER,
-    FitConstraints,
     FitSpec,
+    allowed_specs,
     best_spec,
     best_specs,
     predict_under_model,
@@ -25,12 +28,9 @@ from bezier_filters.surface_model.fit_spec import (
     specs_to_first_minimum,
 )
 from bezier_filters.surface_model.model import RingModel, SurfaceModel, learn_surface_model
-from bezier_filters.surface_model.noise_model import NoiseModel, rescale_noise
-from bezier_filters.surface_model.ring_analysis import FREE_DEGREE, RingAnalysis
 
 Kind = TypeVar("Kind")
 Other = TypeVar("Other")
-Features = Callable[[IntArray], FloatArray]  # features (k, F) of vertices (k,)
 
 SPLIT_QUANTILES = (0.15, 0.3, 0.5, 0.7, 0.85)  # candidate thresholds of a feature
 MIN_SPLIT_SAMPLES = 40  # neighbourhoods on each side of a split
@@ -46,6 +46,20 @@ class Leaf:
     surface: SurfaceModel
     specs: tuple[FitSpec, ...]  # one for each ring
     chosen: FitSpec  # the best of them
+
+    @property
+    def analyses(self) -> list[RingAnalysis]:
+        """The neighbourhoods that the model was estimated from, in ascending order of rings."""
+        return [ring.analysis for ring in self.surface.by_rings]
+
+    @property
+    def centers(self) -> IntArray:
+        """The sampled vertices, each once, in ascending order."""
+        return np.unique(np.concatenate([analysis.centers for analysis in self.analyses]))
+
+    def limit(self, options: FitOptions) -> "Leaf | None":
+        """The same model with the best fit that the options allow; None if they allow none."""
+        return best_leaf(self.surface, self.specs, options)
 
 
 @dataclass(frozen=True)
@@ -68,7 +82,7 @@ def _ignore_overflow() -> np.errstate:
 
 def fit_leaf(
     analyses: Sequence[RingAnalysis],
-    constraints: FitConstraints,
+    options: FitOptions,
     correlated: NoiseModel | None = None,
     *,
     heavy: bool = False,
@@ -81,25 +95,25 @@ def fit_leaf(
     """
     if not any(analysis.degree > FREE_DEGREE for analysis in analyses):
         return None
-    if constraints.noise is not None:
-        correlated = rescale_noise(correlated, constraints.noise)
+    if options.noise is not None:
+        correlated = rescale_noise(correlated, options.noise)
     with _ignore_overflow():
         surface = learn_surface_model(analyses, correlated, known=known)
         surface = replace(surface, noise=replace(surface.noise, heavy=heavy, outliers=outliers))
-        return best_leaf(surface, best_specs(surface, constraints.degrees), constraints)
+        return best_leaf(surface, best_specs(surface, options.degrees), options)
 
 
-def best_leaf(surface: SurfaceModel, specs: Sequence[FitSpec], constraints: FitConstraints) -> Leaf | None:
+def best_leaf(surface: SurfaceModel, specs: Sequence[FitSpec], options: FitOptions) -> Leaf | None:
     """A leaf with the best of the allowed fits; None if there is none."""
     finite = tuple(spec for spec in specs if np.isfinite(spec.error))
-    allowed = constraints.select(finite)
+    allowed = allowed_specs(finite, options)
     if not allowed or not np.isfinite(surface.sigma):
         return None
     best = best_spec(specs_to_first_minimum(allowed) if surface.noise.sills else allowed)
-    return Leaf(surface, finite, prefer_cubic(surface, best) if THIRD_ORDER in constraints.degrees else best)
+    return Leaf(surface, finite, prefer_cubic(surface, best) if THIRD_ORDER in options.degrees else best)
 
 
-def fit_region_leaf(root: Leaf, analyses: Sequence[RingAnalysis], constraints: FitConstraints) -> Leaf | None:
+def fit_region_leaf(root: Leaf, analyses: Sequence[RingAnalysis], options: FitOptions) -> Leaf | None:
     """A leaf for a region of another one; None if the analyses allow no fit.
 
     Rings with a much larger error keep the specifications of the root.
@@ -107,34 +121,36 @@ def fit_region_leaf(root: Leaf, analyses: Sequence[RingAnalysis], constraints: F
     if not any(analysis.degree > FREE_DEGREE for analysis in analyses):
         return None
     with _ignore_overflow():
-        surface = learn_surface_model(analyses, None if constraints.noise is None else root.surface.noise, root.surface)
-        own = specs_around(surface, constraints.degrees, constraints.rings or root.chosen.rings)
-        leaf = best_leaf(surface, own, constraints)
+        surface = learn_surface_model(analyses, None if options.noise is None else root.surface.noise, root.surface)
+        own = specs_around(surface, options.degrees, options.ring_count or root.chosen.rings)
+        leaf = best_leaf(surface, own, options)
     others = (spec for spec in root.specs if spec.rings not in {spec.rings for spec in own})
     return None if leaf is None else replace(leaf, specs=(*own, *others))
 
 
 def grow_tree(
     root: Leaf,
-    analyses: Sequence[RingAnalysis],
-    features: Features,
-    constraints: FitConstraints,
+    vertices: IntArray,
+    features: FloatArray,
+    options: FitOptions,
     depth: int = MAX_TREE_DEPTH,
 ) -> Tree[Leaf]:
     """Split a leaf while the gain is large enough, `depth` times at most.
 
-    `features` gives the features at the centers of the neighbourhoods.
+    `vertices` (k,) are the centers of the neighbourhoods, and perhaps others, in ascending order, with `features`
+    (k, F).
     """
-    likeliest = max(_candidates(root, analyses, features), default=None) if depth else None
+    likeliest = max(_candidates(root, vertices, features), default=None) if depth else None
     if likeliest is None:
         return root
     _, feature, threshold = likeliest
+    is_low = features[:, feature] <= threshold
     halves = (
-        [part.subset((features(part.centers)[:, feature] <= threshold) == is_low) for part in analyses]
-        for is_low in (True, False)
+        [part.subset(side[np.searchsorted(vertices, part.centers)]) for part in root.analyses]
+        for side in (is_low, ~is_low)
     )
     sides = [[part for part in half if part is not None] for half in halves]
-    parts = [fit_region_leaf(root, side, constraints) for side in sides]
+    parts = [fit_region_leaf(root, side, options) for side in sides]
     leaves_ = [leaf for leaf in parts if leaf is not None]
     if len(leaves_) < len(parts):
         return root
@@ -143,9 +159,7 @@ def grow_tree(
     min_gain = MIN_CORRELATED_SPLIT_GAIN if root.surface.noise.sills else MIN_SPLIT_GAIN
     if sum(s * n for s, n in zip(gains, sizes, strict=True)) <= min_gain * sum(sizes):
         return root
-    low, high = (
-        grow_tree(leaf, side, features, constraints, depth - 1) for leaf, side in zip(leaves_, sides, strict=True)
-    )
+    low, high = (grow_tree(leaf, vertices, features, options, depth - 1) for leaf in leaves_)
     return Split(feature, threshold, low, high)
 
 
@@ -180,10 +194,10 @@ def leaf_numbers(tree: Tree[Kind], features: FloatArray) -> IntArray:
     return np.where(is_low, low, high + len(leaves(tree.low))).astype(np.int32)
 
 
-def _candidates(root: Leaf, analyses: Sequence[RingAnalysis], features: Features) -> Iterator[tuple[float, int, float]]:
+def _candidates(root: Leaf, vertices: IntArray, features: FloatArray) -> Iterator[tuple[float, int, float]]:
     """Candidate splits: gain of the log likelihood, feature, threshold."""
-    analysis = next(analysis for analysis in analyses if analysis.rings == root.chosen.rings)
-    of_rows = features(analysis.centers)
+    analysis = next(analysis for analysis in root.analyses if analysis.rings == root.chosen.rings)
+    of_rows = features[np.searchsorted(vertices, analysis.centers)]
     everywhere = np.ones(len(of_rows), dtype=np.bool_)
     for feature in range(of_rows.shape[1]):
         for threshold in np.unique(np.quantile(of_rows[:, feature], SPLIT_QUANTILES)):

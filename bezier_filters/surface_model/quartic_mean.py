@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from bezier_filters.arrays import FloatArray
+from bezier_filters.noise.noise_model import RingNoise
 from bezier_filters.patches.harmonics import harmonic_basis
-from bezier_filters.surface_model.noise_model import RingNoise
-from bezier_filters.surface_model.ring_analysis import FREE_DEGREE
+from bezier_filters.sampling.ring_analysis import FREE_DEGREE
 from bezier_filters.surface_model.variances import (
     CORRELATED_NOISE_ERROR,
     PRIOR_RANGE,

@@ -14,7 +14,7 @@ from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
 from bezier_filters.surface_model.fit_spec import FitConstraints
 from bezier_filters.surface_model.learn import learn_surface
 from bezier_filters.surface_model.model_tree import Leaf
-from bezier_filters.surface_model.ring_analysis import RingAnalysis
+from bezier_filters.sampling.ring_analysis import RingAnalysis
 
 matplotlib.use("agg")
 from matplotlib import pyplot

@@ -12,7 +12,7 @@ from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.patches.harmonics import harmonic_basis
 from bezier_filters.surface_model.fit_spec import fit_equations, mean_squared_errors
 from bezier_filters.surface_model.model import SIGNIFICANT_STANDARD_ERRORS
-from bezier_filters.surface_model.noise_model import ring_noise
+from bezier_filters.noise.noise_model import ring_noise
 from bezier_filters.surface_model.variances import PRIOR_RANGE, UPPER_PRIOR_RANGE, posterior_mean_variance
 from bezier_filters.surfaces import bumpy_star, torus
 

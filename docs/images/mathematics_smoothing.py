@@ -16,7 +16,7 @@ from bezier_filters.smoothing.low_pass import FILTER_STRENGTHS, learn_low_pass
 from bezier_filters.smoothing.mesh_parts import whole_mesh
 from bezier_filters.smoothing.noise import NoisyMesh
 from bezier_filters.smoothing.random_noise import WHITE, Correlation
-from bezier_filters.surface_model.noise_model import NoiseModel
+from bezier_filters.noise.noise_model import NoiseModel
 from bezier_filters.surfaces import bumpy_star
 
 

@@ -17,14 +17,14 @@ from bezier_filters import estimate_vertex_geometry
 from bezier_filters.fitting.first_call import compile_fit, compile_the_rest, first_compilation
 from bezier_filters.kernels.fit_kernel import fit_in_lanes
 from bezier_filters.kernels.graph_geometry import bound_errors
-from bezier_filters.surface_model.ring_kernel import analyse_in_lanes
+from bezier_filters.sampling.ring_kernel import analyse_in_lanes
 from bezier_filters.surfaces import sphere
 
 CODE = """
 from bezier_filters import estimate_vertex_geometry
 from bezier_filters.surfaces import sphere
 from bezier_filters.kernels.fit_kernel import fit_in_lanes
-from bezier_filters.surface_model.ring_kernel import analyse_in_lanes
+from bezier_filters.sampling.ring_kernel import analyse_in_lanes
 ball = sphere(resolution=3)
 estimate_vertex_geometry(ball.vertices, ball.faces)
 for kernel in (fit_in_lanes, analyse_in_lanes):

@@ -10,8 +10,8 @@ from bezier_filters.fitting.vertex_geometry import empty_geometry
 from bezier_filters.kernels.kernel_input import KernelMesh
 from bezier_filters.patches.harmonics import HIGHEST_DEGREE, harmonic_basis
 from bezier_filters.patches.polynomials import total_degree_space
-from bezier_filters.surface_model.neighbourhood_samples import NeighbourhoodSample
-from bezier_filters.surface_model.ring_analysis import analyse_rings
+from bezier_filters.sampling.neighbourhood_samples import NeighbourhoodSample
+from bezier_filters.sampling.ring_analysis import analyse_rings
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,9 @@ from scipy.sparse import coo_matrix
 from bezier_filters.kernels.kernel_input import prepare_kernel_mesh
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.surface_model.learn import FIRST_STAGE_MAX_RINGS, MAX_FLIPPED_FRACTION, SAMPLES_PER_RING
-from bezier_filters.surface_model.neighbourhood_samples import draw_from_mesh, sample_neighbourhoods
-from bezier_filters.surface_model.noise_spectrum import learn_noise_covariance
-from bezier_filters.surface_model.ring_analysis import analyse_rings
+from bezier_filters.sampling.neighbourhood_samples import draw_from_mesh, sample_neighbourhoods
+from bezier_filters.noise.noise_spectrum import learn_noise_covariance
+from bezier_filters.sampling.ring_analysis import analyse_rings
 from bezier_filters.surfaces import sphere, torus
 
 

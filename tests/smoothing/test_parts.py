@@ -11,7 +11,7 @@ from bezier_filters.smoothing.denoise import SmoothingOptions, denoise, halo_rin
 from bezier_filters.smoothing.flipped_faces import repair_flipped_faces
 from bezier_filters.smoothing.mesh_parts import MeshPart, sample_parts, whole_mesh
 from bezier_filters.smoothing.noise import roughest_vertices, roughness
-from bezier_filters.surface_model.noise_model import NoiseModel
+from bezier_filters.noise.noise_model import NoiseModel
 from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star
 
 pytestmark = pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")

@@ -16,7 +16,7 @@ from bezier_filters.smoothing.laplacian import umbrella_laplacian
 from bezier_filters.smoothing.mesh_parts import whole_mesh
 from bezier_filters.smoothing.noise import NoisyMesh
 from bezier_filters.smoothing.random_noise import WHITE, Correlation, random_signs
-from bezier_filters.surface_model.noise_model import HIDDEN_RANGE_FACTOR, MAX_UNDERESTIMATION, NoiseModel, rescale_noise
+from bezier_filters.noise.noise_model import HIDDEN_RANGE_FACTOR, MAX_UNDERESTIMATION, NoiseModel, rescale_noise
 from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, ellipsoid, sphere, torus, waves
 
 pytestmark = pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")

@@ -21,7 +21,7 @@ from bezier_filters.surface_model.fit_spec import (
     specs_to_first_minimum,
 )
 from bezier_filters.surface_model.model import RingModel, SurfaceModel
-from bezier_filters.surface_model.noise_model import NoiseModel, ring_noise
+from bezier_filters.noise.noise_model import NoiseModel, ring_noise
 from bezier_filters.surface_model.quartic_mean import zero_quartic_mean
 from bezier_filters.surfaces import height_field, sphere
 

@@ -19,7 +19,7 @@ from bezier_filters.surface_model.model import (
     _term_variances,
     learn_surface_model,
 )
-from bezier_filters.surface_model.noise_model import NoiseModel, ring_noise
+from bezier_filters.noise.noise_model import NoiseModel, ring_noise
 from bezier_filters.surfaces import bumpy_star, ellipsoid, height_field, monkey_saddle, sphere, torus, waves
 
 SURFACES = {

@@ -20,7 +20,7 @@ from bezier_filters.surface_model.model_tree import (
     leaf_numbers,
     leaves,
 )
-from bezier_filters.surface_model.noise_model import NoiseModel
+from bezier_filters.noise.noise_model import NoiseModel
 from bezier_filters.surfaces import ellipsoid, sphere, torus
 from survivors import keep_survivors
 

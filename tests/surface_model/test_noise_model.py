@@ -21,9 +21,9 @@ from scipy.linalg import sqrtm
 from bezier_filters.patches.harmonics import harmonic_basis
 from bezier_filters.surface_model.fit_spec import candidate_specs
 from bezier_filters.surface_model.model import RingModel, SurfaceModel
-from bezier_filters.surface_model.noise_model import NoiseModel, pairwise_squared_distances, ring_noise
+from bezier_filters.noise.noise_model import NoiseModel, pairwise_squared_distances, ring_noise
 from bezier_filters.surface_model.quartic_mean import zero_quartic_mean
-from bezier_filters.surface_model.ring_analysis import COMPARISON_SAMPLE_SIZE, NOISE_SAMPLE_SIZE
+from bezier_filters.sampling.ring_analysis import COMPARISON_SAMPLE_SIZE, NOISE_SAMPLE_SIZE
 
 BASIS = harmonic_basis()
 SIZE = 40  # points of a 3-ring

@@ -6,7 +6,7 @@ from random_neighbourhoods import analyse_ring, as_sample, draw, terms_at, varia
 
 from bezier_filters.patches.harmonics import harmonic_basis
 from bezier_filters.runtime.parallel import use_threads
-from bezier_filters.surface_model.ring_analysis import COMPARISON_SAMPLE_SIZE, MIN_SAMPLES
+from bezier_filters.sampling.ring_analysis import COMPARISON_SAMPLE_SIZE, MIN_SAMPLES
 
 BASIS = harmonic_basis()
 ROUGH = variances_by_degree(1.0, 0.5)

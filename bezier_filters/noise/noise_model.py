@@ -13,7 +13,7 @@ import numpy as np
 from bezier_filters.arrays import FloatArray
 from bezier_filters.patches.harmonics import harmonic_basis
 from bezier_filters.runtime.cached_property import cached_property
-from bezier_filters.surface_model.ring_analysis import RingAnalysis
+from bezier_filters.sampling.ring_analysis import RingAnalysis
 
 # mean of 1 / cos^2 of the slopes below which white noise along the normal equals the noise of the heights
 STEEP_MEAN_SQUARE = 1.02

@@ -14,9 +14,9 @@ import numpy as np
 from scipy.optimize import nnls
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.noise.noise_model import NoiseModel, pairwise_squared_distances
 from bezier_filters.patches.harmonics import HIGHEST_DEGREE, harmonic_basis
-from bezier_filters.surface_model.noise_model import NoiseModel, pairwise_squared_distances
-from bezier_filters.surface_model.ring_analysis import FREE_DEGREE, RingAnalysis
+from bezier_filters.sampling.ring_analysis import FREE_DEGREE, RingAnalysis
 
 # squared candidate ranges, in squared edges, in steps of sqrt(2)
 SQUARED_LENGTHS = tuple(4.0 * 0.5 ** (0.5 * k) for k in range(7, -1, -1))

@@ -1,7 +1,7 @@
 """Says in words why a sample of neighbourhoods is not sufficient to estimate a surface model."""
 
-from bezier_filters.surface_model.neighbourhood_samples import NORMAL_CHECK_RINGS, NeighbourhoodSample
-from bezier_filters.surface_model.ring_analysis import MIN_SAMPLES
+from bezier_filters.sampling.neighbourhood_samples import NORMAL_CHECK_RINGS, NeighbourhoodSample
+from bezier_filters.sampling.ring_analysis import MIN_SAMPLES
 
 MIN_USABLE_SHARE = 0.8  # a ring is too wide if a smaller fraction of its interior neighbourhoods is usable
 

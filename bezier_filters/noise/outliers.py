@@ -6,8 +6,8 @@ At sharp edges, and where the noise is strong, neighbouring vertices have large 
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray
-from bezier_filters.surface_model.neighbourhood_samples import NeighbourhoodSample
-from bezier_filters.surface_model.ring_analysis import MIN_SAMPLES, term_values
+from bezier_filters.sampling.neighbourhood_samples import NeighbourhoodSample
+from bezier_filters.sampling.ring_analysis import MIN_SAMPLES, term_values
 
 OUTLIER_RINGS, OUTLIER_DEGREE = 3, 3  # of the robust fit: the narrowest ring with enough points
 OUTLIER_INNER_RINGS = 2  # rings with residuals that count: the outermost points pull the fit towards them

@@ -17,8 +17,8 @@ from bezier_filters.patches.polynomials import total_degree_space
 from bezier_filters.runtime.cached_property import cached_property
 from bezier_filters.runtime.lanes import LANES
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
-from bezier_filters.surface_model.neighbourhood_samples import NeighbourhoodSample
-from bezier_filters.surface_model.ring_kernel import RingSums, analyse_in_lanes, ring_workspace
+from bezier_filters.sampling.neighbourhood_samples import NeighbourhoodSample
+from bezier_filters.sampling.ring_kernel import RingSums, analyse_in_lanes, ring_workspace
 
 FREE_DEGREE = 2  # terms up to this degree, height, slope and curvature, are fixed effects without a prior
 MIN_SAMPLES = 12

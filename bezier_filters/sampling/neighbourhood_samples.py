@@ -1,16 +1,17 @@
 """Random samples of neighbourhoods, projected to local coordinates over their tangent planes.
 
+They come from a mesh in memory or from a store of tiles: see `Neighbourhoods`.
+
 Vertices are drawn by stratified sampling: one from each of equal intervals of the vertex numbers.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
-from bezier_filters.kernels.kernel_input import KernelMesh
+from bezier_filters.kernels.kernel_input import KernelMesh, recompute_barriers
 from bezier_filters.meshes.frames import farthest_direction, folding_share, mean_normal
 from bezier_filters.meshes.neighbourhoods import clear_marks, next_ring
 from bezier_filters.runtime.jit import inner_jit, jit, opaque
@@ -19,6 +20,13 @@ from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
 SAMPLE_CHUNK = 32  # neighbourhoods per chunk
 NORMAL_CHECK_RINGS = 2  # rings in which flipped normals are counted
 MAX_NEIGHBOURHOOD_POINTS = 450  # points of the largest usable neighbourhood
+# fraction of flipped normals, more than 90 degrees off the plane, in a usable neighbourhood
+MAX_FLIPPED_FRACTION = 0.02
+MAX_FLIPPED_BY_OUTLIERS = 0.25  # the same in the search for outliers, which flip more normals
+
+# how neighbourhoods are sampled: from the mesh; with smoothed normals; or without the sharp edges around single spikes
+# and with more flipped normals
+SampleMode = Literal["plain", "smoothed", "tolerant"]
 
 
 class NeighbourhoodSample(NamedTuple):
@@ -36,12 +44,30 @@ class NeighbourhoodSample(NamedTuple):
     flipped_fraction: FloatArray
 
 
-@dataclass(frozen=True)
-class Population:
-    """Vertices to draw from, numbered in the user's order, in memory or in a store."""
+class Neighbourhoods(Protocol):
+    """The neighbourhoods of a surface, whose vertices lie in memory or in a store."""
 
-    size: int  # number of vertices
-    members: Callable[[IntArray], IntArray]  # vertices (k,) int32 of numbers (k,)
+    @property
+    def vertex_count(self) -> int:
+        """Number of vertices of the surface."""
+
+    @property
+    def clean(self) -> "Neighbourhoods":
+        """The same with the outliers moved onto the surface around them."""
+
+    def draw(self, count: int) -> IntArray:
+        """Draw up to `count` vertices that have a normal, in random order: see `draw_vertices`."""
+
+    def sample(self, vertices: IntArray, rings: int, mode: SampleMode) -> NeighbourhoodSample:
+        """Sample the neighbourhoods of some vertices, out to a widest ring."""
+
+
+def sample_by_mode(mesh: KernelMesh, ids: IntArray, rings: int, mode: SampleMode) -> NeighbourhoodSample:
+    """Neighbourhoods of the vertices `ids` of a mesh in memory in one of the modes."""
+    if mode == "tolerant":
+        mesh = recompute_barriers(mesh)
+    most = MAX_FLIPPED_BY_OUTLIERS if mode == "tolerant" else MAX_FLIPPED_FRACTION
+    return sample_neighbourhoods(mesh, ids, rings=rings, max_flipped_fraction=most)
 
 
 def sample_neighbourhoods(
@@ -77,33 +103,32 @@ def draw_from_mesh(mesh: KernelMesh, count: int) -> IntArray:
     def has_normal(ids: IntArray) -> BoolArray:
         return np.asarray(mesh.normals[ids].any(axis=1))
 
-    def list_with_normals() -> Population:
-        candidates = vertex_of_row[has_normal(vertex_of_row)]
-        return Population(len(candidates), candidates.__getitem__)
+    def list_with_normals() -> IntArray:
+        return np.asarray(vertex_of_row[has_normal(vertex_of_row)])
 
     vertex_of_row = np.empty_like(mesh.origin)
     vertex_of_row[mesh.origin] = np.arange(len(mesh.origin), dtype=np.int32)
-    every = Population(len(vertex_of_row), vertex_of_row.__getitem__)
-    return draw_vertices(every, has_normal, list_with_normals, count)
+    return draw_vertices(len(vertex_of_row), vertex_of_row.__getitem__, has_normal, list_with_normals, count)
 
 
 def draw_vertices(
-    every: Population,
+    vertex_count: int,
+    vertices_of: Callable[[IntArray], IntArray],
     has_normal: Callable[[IntArray], BoolArray],
-    list_with_normals: Callable[[], Population],
+    list_with_normals: Callable[[], IntArray],
     count: int,
 ) -> IntArray:
     """Draw up to `count` vertices with a normal, in random order.
 
     One vertex is drawn from each of `count` intervals of the vertex numbers, so that no region is missed; rotations of
-    the mesh do not matter. `list_with_normals` lists the vertices with a normal. It is called only if a vertex without
-    a normal was drawn from all.
+    the mesh do not matter. `vertices_of` gives the vertices of numbers in the user's order. `list_with_normals` lists
+    all vertices with a normal in that order. It is called only if a vertex without a normal was drawn from all.
     """
     generator = np.random.default_rng(0)
-    ids = every.members(_draw_per_stretch(every.size, count, generator))
+    ids = vertices_of(_draw_per_stretch(vertex_count, count, generator))
     if not has_normal(ids).all():
         candidates = list_with_normals()
-        ids = candidates.members(_draw_per_stretch(candidates.size, count, generator))
+        ids = candidates[_draw_per_stretch(len(candidates), count, generator)]
     return generator.permutation(ids)
 
 

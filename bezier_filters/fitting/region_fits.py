@@ -1,0 +1,188 @@
+"""Refits the regions of a surface that need another fit than the one for all of it.
+
+Noise and shape may vary over a surface. A first fit gives each vertex its features, curvedness and residual, and a
+regression tree over these features (`model_tree`) gives each region its own fit.
+"""
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from bezier_filters.arrays import ByteArray, FloatArray, IntArray
+from bezier_filters.fitting.fallbacks import fit_with_fallbacks, overall_progress, spec_chain
+from bezier_filters.fitting.surface_fit import SurfaceFit
+from bezier_filters.fitting.vertex_geometry import FitChoice, FitPart, VertexGeometry, arrays_of
+from bezier_filters.kernels.graph_geometry import bound_errors
+from bezier_filters.kernels.kernel_input import KernelMesh
+from bezier_filters.runtime.parallel import Progress, run_kernel
+from bezier_filters.sampling.neighbourhood_samples import Neighbourhoods, SampleMode
+from bezier_filters.status import FitStatus
+from bezier_filters.surface_model.fit_options import FitOptions
+from bezier_filters.surface_model.fit_spec import COST_EXPONENT, predict_under_model
+from bezier_filters.surface_model.learn import learn_surface
+from bezier_filters.surface_model.model_tree import (
+    MAX_TREE_DEPTH,
+    MIN_CORRELATED_SPLIT_GAIN,
+    Leaf,
+    Split,
+    Tree,
+    fit_leaf,
+    grow_tree,
+    leaf_numbers,
+    leaves,
+    log_error_reduction,
+    map_leaves,
+)
+
+# A small region that the first fit does not follow hardly shows in the sample. Among more vertices, the probes, those
+# whose residual is at least this ratio times the standard deviation of the noise get their own model.
+MIN_MISFIT_RATIO, PROBE_COUNT = 1.4, 2000
+# number of such probes, and their largest fraction: if there are more, the sample has enough of them
+MIN_MISFIT_COUNT, MAX_MISFIT_FRACTION = 40, 0.3
+MIN_MISFIT_GAIN = 0.2  # decrease of the logarithm of the predicted error by that model under white noise
+MAX_ERROR_INCREASE = 2.0  # ratio of the standard error of a region's fit to that of the first fit, if that succeeded
+REGION_CHUNK = 1 << 18  # vertices of a region for which both fits are stored at a time
+RESIDUAL_FEATURE = 1  # column of `first_features`
+
+
+def add_regions(
+    fit: SurfaceFit,
+    root: Leaf,
+    source: Neighbourhoods,
+    options: FitOptions,
+    probes: IntArray,
+    vertices: IntArray,
+    features: FloatArray,
+) -> SurfaceFit:
+    """Add fits for the regions of the surface, if noise or shape vary.
+
+    `features` (k, 2) are the `first_features` of `vertices` (k,), which are in ascending order and include the sample
+    of the model and the `probes`, drawn from all vertices.
+    """
+    tree = grow_tree(root, vertices, features, options)
+    if not fit.robust:  # outliers have large residuals, too
+        threshold = MIN_MISFIT_RATIO * max(leaf.surface.sigma for leaf in leaves(tree))
+        residuals = features[np.searchsorted(vertices, probes), RESIDUAL_FEATURE]
+        misfits = probes[residuals > threshold]
+        if MIN_MISFIT_COUNT <= len(misfits) <= MAX_MISFIT_FRACTION * len(probes):
+            mode: SampleMode = "smoothed" if fit.smooth_normals else "plain"
+            learned = learn_surface(source, options, at=misfits, mode=mode)
+            leaf = None if learned is None else learned.limit(options)
+            leaf, min_gain = _discard_noise_excess(leaf, root, options)
+            # if the leaf lacks the ring of the first fit, neighbourhoods of that width fold
+            if leaf is not None and not -np.inf < log_error_reduction(root.chosen, leaf) <= min_gain:
+                own = grow_tree(leaf, vertices, features, options, MAX_TREE_DEPTH - 1)
+                tree = Split(RESIDUAL_FEATURE, threshold, tree, own)
+    return fit if isinstance(tree, Leaf) else replace(fit, regions=map_leaves(tree, partial(_region_fit, root)))
+
+
+def _discard_noise_excess(leaf: Leaf | None, root: Leaf, options: FitOptions) -> tuple[Leaf | None, float]:
+    """The leaf of the misfits with no more correlated noise than elsewhere, and the gain by which it must improve.
+
+    Large residuals select places where correlated noise happens to be strong, so its variance is overestimated there.
+    If there is no correlated noise elsewhere, it is shape.
+    """
+    noise = root.surface.noise
+    if leaf is None or leaf.surface.sigma <= noise.sigma or not (noise.sills or leaf.surface.noise.sills):
+        return leaf, MIN_MISFIT_GAIN
+    bounded = fit_leaf(leaf.analyses, options, noise, heavy=noise.heavy)
+    return bounded, MIN_CORRELATED_SPLIT_GAIN if noise.sills else MIN_MISFIT_GAIN
+
+
+def _region_fit(root: Leaf, leaf: Leaf) -> SurfaceFit:
+    """Fit of a region: its own specification, or that of the whole if another fit is not worth its time."""
+    before, spec, there = root.chosen, leaf.chosen, predict_under_model(root.chosen, leaf.surface)
+    choice = FitChoice(spec.rings, spec.degree, None, leaf.surface.sigma)
+    ratios = np.inf, np.inf
+    # If the fit of the whole is exact, its standard errors are 0 and cannot be rescaled.
+    if there is not None and before.normal_noise > 0.0 and before.curvature_noise > 0.0:
+        ratios = there.normal_noise / before.normal_noise, there.curvature_noise / before.curvature_noise
+        if there.error <= spec.error * (1.0 + (spec.cost - spec.overhead) / there.cost) ** COST_EXPONENT:
+            choice = replace(choice, rings=there.rings, degree=there.degree)
+            return SurfaceFit(choice, (), error_ratios=ratios)
+    return SurfaceFit(choice, tuple(spec_chain(leaf.specs, spec)), error_ratios=ratios)
+
+
+def first_features(geometry: VertexGeometry, rows: IntArray) -> FloatArray:
+    """Features of the regions from the first fit, (k, 2): curvedness times sqrt(2), and residual."""
+    return np.column_stack([np.hypot(geometry.k_min[rows], geometry.k_max[rows]), geometry.residual[rows]])
+
+
+def fit_regions(
+    mesh: KernelMesh, ids: IntArray, fit: SurfaceFit, geometry: VertexGeometry, *, progress: Progress | None = None
+) -> FitChoice:
+    """Refit the vertices `ids`, in ascending order, that belong to a region with its own fit.
+
+    The results of the first fit are replaced. Returns the choice with the number of vertices of each region.
+    """
+    if fit.regions is None:
+        return fit.choice
+    numbers = _region_numbers(fit.regions, geometry, mesh.origin, ids)
+    at_the_end = overall_progress(progress, len(ids), len(ids))
+    parts = []
+    for number, part in enumerate(leaves(fit.regions)):
+        of_part = ids[numbers == number]
+        if part.attempts:
+            for first in range(0, len(of_part), REGION_CHUNK):
+                some = of_part[first : first + REGION_CHUNK]
+                _fit_again(mesh, some, part, geometry, fit.robust, at_the_end)
+        else:
+            _rescale_errors(mesh, of_part, geometry, *part.error_ratios)
+        parts.append(count_part(part, len(of_part)))
+    return replace(fit.choice, parts=tuple(parts))
+
+
+def count_part(region: SurfaceFit, vertex_count: int) -> FitPart:
+    """The fit of a region with the number of its vertices."""
+    choice = region.choice
+    return FitPart(vertex_count, choice.rings, choice.degree, choice.noise_sigma or 0.0)
+
+
+def _fit_again(
+    mesh: KernelMesh, ids: IntArray, part: SurfaceFit, geometry: VertexGeometry, robust: bool, progress: Progress | None
+) -> None:
+    """Refit vertices of a region by its own specification; keep a first fit that succeeded with a smaller error.
+
+    The specification is optimal for neighbourhoods without a border. Near a border the result depends more on the
+    priors, and on wider rings more on the terms beyond the degree.
+    """
+    status = geometry.status[mesh.origin[ids]]
+    converged = ids[status <= FitStatus.WIDER_RING]
+    rows = mesh.origin[converged]
+    before = {name: values[rows] for name, values in arrays_of(geometry).items()}
+    instead = [one for one in part.attempts if one.status in (FitStatus.OK, FitStatus.NARROWER_RING)]
+    for some, attempts in ((status == FitStatus.OK, instead), (status != FitStatus.OK, part.attempts)):
+        fit_with_fallbacks(mesh, ids[some], attempts, geometry, robust=robust, progress=progress)
+    with np.errstate(over="ignore", invalid="ignore"):  # infinite and undefined errors of the first fit count as worse
+        errors = geometry.normal_std[rows] * geometry.mean_curvature_std[rows]
+        is_worse = (
+            errors
+            > MAX_ERROR_INCREASE**2 * np.prod(part.error_ratios) * before["normal_std"] * before["mean_curvature_std"]
+        )
+    for name, values in arrays_of(geometry).items():
+        values[rows[is_worse]] = before[name][is_worse]
+    _rescale_errors(mesh, converged[is_worse], geometry, *part.error_ratios)
+
+
+def _region_numbers(parts: Tree[SurfaceFit], geometry: VertexGeometry, origin: IntArray, ids: IntArray) -> ByteArray:
+    """The number of the region of each vertex, (k,); in chunks, to save memory."""
+    numbers = np.empty(len(ids), dtype=np.int8)
+
+    def number(start: int, stop: int) -> None:
+        numbers[start:stop] = leaf_numbers(parts, first_features(geometry, origin[ids[start:stop]]))
+
+    run_kernel(number, len(ids))
+    return numbers
+
+
+def _rescale_errors(
+    mesh: KernelMesh, ids: IntArray, geometry: VertexGeometry, of_normal: float, of_curvature: float
+) -> None:
+    """Rescale the standard errors of vertices to those of the same fit under another model."""
+    rows, of_both = mesh.origin[ids], (geometry.mean_curvature_std, geometry.gaussian_curvature_std)
+    geometry.normal_std[rows] *= of_normal
+    for errors in of_both:
+        errors[rows] *= of_curvature
+    if of_curvature > 1.0:
+        run_kernel(bound_errors, len(ids), mesh, ids, *of_both)

@@ -1,0 +1,1 @@
+"""The noise of a mesh: strength, correlation and outliers, from sampled neighbourhoods."""

@@ -1,0 +1,1 @@
+"""Samples of neighbourhoods, and the statistics of polynomial fits to them."""
