@@ -315,7 +315,7 @@ def _fit(
     The sample and the probes are fitted, too, so that the regions do not depend on `ids`; their rows of `geometry` are
     to be ignored.
     """
-    arrays, first = source.smoothed if fit.smooth_normals else source.mesh, ids
+    arrays, first = source.smooth_mesh if fit.smooth_normals else source.mesh, ids
     has_regions = root is not None and options.radius is None
     if root is not None and has_regions:
         probes = draw_from_mesh(arrays, PROBE_COUNT)

@@ -9,8 +9,8 @@ from bezier_filters.meshes.prepared_mesh import PreparedMesh
 from bezier_filters.meshes.sharp_edges import may_have_sharp_edges, sharp_edges
 from bezier_filters.noise.noise_model import NoiseModel
 from bezier_filters.smoothing.denoise import SmoothingOptions
-from bezier_filters.smoothing.denoise_with_outliers import denoise_mesh
 from bezier_filters.smoothing.flipped_faces import repair_flipped_faces
+from bezier_filters.smoothing.rounds import denoise_mesh
 
 # fraction of the noise that remains in the angles at sharp edges of the denoised surface: 0.06 to 0.3 on wedges, prisms
 # and a fandisk with white noise of 0.1 to 0.5 edges

@@ -32,7 +32,7 @@ class MeshNeighbourhoods:
         return MeshNeighbourhoods(move_outliers(self.mesh, self.edges))
 
     @cached_property
-    def smoothed(self) -> KernelMesh:
+    def smooth_mesh(self) -> KernelMesh:
         """The mesh with smoothed normals."""
         return use_smoothed_normals(self.mesh)
 
@@ -42,4 +42,4 @@ class MeshNeighbourhoods:
 
     def sample(self, vertices: IntArray, rings: int, mode: SampleMode) -> NeighbourhoodSample:
         """Sample the neighbourhoods of some vertices, out to a widest ring."""
-        return sample_by_mode(self.smoothed if mode == "smoothed" else self.mesh, vertices, rings, mode)
+        return sample_by_mode(self.smooth_mesh if mode == "smoothed" else self.mesh, vertices, rings, mode)

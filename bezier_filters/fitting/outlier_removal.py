@@ -37,7 +37,7 @@ def move_outliers(mesh: KernelMesh, edges: BoolArray | None = None) -> KernelMes
     n = len(mesh.vertices)
     mesh = recompute_barriers(mesh)
     if len(mesh.faces):
-        mesh = mesh._replace(vertices=move_folded_vertices(mesh.prepared()).vertices)
+        mesh = mesh._replace(vertices=move_folded_vertices(mesh.mesh_with_adjacency()).vertices)
     if edges is not None:
         mesh = mesh._replace(barriers=mesh.barriers | edges)
     every = np.arange(n, dtype=np.int32)

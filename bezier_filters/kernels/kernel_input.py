@@ -42,7 +42,7 @@ class KernelMesh(NamedTuple):
     origin: IntArray  # row of each vertex in the results
     x_axes: FloatArray  # (n, 3): given directions of the x axes of local frames; (0, 3) if the points determine them
 
-    def prepared(self) -> PreparedMesh:
+    def mesh_with_adjacency(self) -> PreparedMesh:
         """The mesh and its adjacency."""
         around, neighbours = Rows(self.face_ptr, self.face_indices), Rows(self.ring_ptr, self.ring_indices)
         return PreparedMesh(self.vertices, self.faces, Adjacency(around, neighbours, self.on_boundary))
@@ -93,14 +93,14 @@ def recompute_barriers(mesh: KernelMesh) -> KernelMesh:
     """Replace the barriers by the sharp edges of the mesh without isolated spikes."""
     if not len(mesh.faces):
         return mesh
-    return mesh._replace(barriers=remove_spikes(mesh.prepared()).barriers | hubs(mesh.ring_ptr))
+    return mesh._replace(barriers=remove_spikes(mesh.mesh_with_adjacency()).barriers | hubs(mesh.ring_ptr))
 
 
 def replace_vertices(mesh: KernelMesh, vertices: FloatArray) -> KernelMesh:
     """Replace the vertices and recompute the tangent planes; a point cloud keeps its planes."""
     if not len(mesh.faces):
         return mesh._replace(vertices=vertices)
-    planes = mesh.prepared().move(vertices).planes
+    planes = mesh.mesh_with_adjacency().move(vertices).planes
     return mesh._replace(vertices=vertices, normals=planes.normals, safe_cosine=planes.safe_cosine)
 
 

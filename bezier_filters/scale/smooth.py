@@ -8,52 +8,38 @@ from pathlib import Path
 
 import numpy as np
 
-from bezier_filters.arrays import BoolArray, FloatArray, Report
+from bezier_filters.arrays import FloatArray, Report
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.fields import PREFIX, QUALITY
-from bezier_filters.fitting.outlier_removal import OUTLIER_REACH
 from bezier_filters.fitting.surface_fit import SurfaceFit
-from bezier_filters.meshes.adjacency import incoherent_vertices
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.meshes.prepared_mesh import PreparedMesh, prepare_mesh
-from bezier_filters.meshes.spatial_order import cuthill_mckee_order
-from bezier_filters.noise.noise_model import NoiseModel
-from bezier_filters.runtime.atomic import atomic_write
+from bezier_filters.meshes.prepared_mesh import prepare_mesh
 from bezier_filters.runtime.parallel import single_threaded_blas
 from bezier_filters.scale.array_file import ArrayFile, Values, save_array
-from bezier_filters.scale.components import StoredComponents, label_vertices, merge_components
+from bezier_filters.scale.components import StoredComponents
 from bezier_filters.scale.estimate import fit_tile
-from bezier_filters.scale.halo import TilePart, tile_part
+from bezier_filters.scale.halo import tile_part
 from bezier_filters.scale.learn import (
     check_tile_options,
     learn_fit,
-    learn_store_noise,
     rings_needed,
-    sample_store_parts,
 )
-from bezier_filters.scale.run import Round, Run, RunOptions, StageProgress, TileTask, file_run
+from bezier_filters.scale.run import Run, RunOptions, StageProgress, file_run
 from bezier_filters.scale.scheduling import Scheduler
 from bezier_filters.scale.source import SourcePath, open_source
 from bezier_filters.scale.store import Store
+from bezier_filters.scale.stored_surface import (
+    FINISH_RINGS,
+    SHARPNESS,
+    SmoothingRun,
+    StoredSurface,
+    movable_vertices,
+    run_round,
+)
 from bezier_filters.scale.tiles import Tile, TileReport, open_tile, table_of
-from bezier_filters.smoothing.denoise import SmoothingOptions, SmoothingPlan, denoise, halo_rings, learn_plan
-from bezier_filters.smoothing.denoise_with_outliers import (
-    choose_outliers_or_noise,
-    move_mesh_outliers,
-    needs_outlier_removal,
-    unfold_surface,
-)
+from bezier_filters.smoothing.denoise import SmoothingOptions
 from bezier_filters.smoothing.flipped_faces import bad_faces, repair_flipped_faces
-from bezier_filters.smoothing.impulses import (
-    MAX_IMPULSE_ROUNDS,
-    Impulses,
-    has_settled,
-    learn_impulses,
-    remove_impulses,
-)
-from bezier_filters.smoothing.mesh_parts import MAX_WHOLE_VERTICES, MeshPart, reorder_part
-from bezier_filters.smoothing.noise import ROUGHNESS_RINGS, roughest_vertices, roughness
-from bezier_filters.smoothing.sliding import SLIDING_RINGS
+from bezier_filters.smoothing.rounds import denoise_surface
 from bezier_filters.smoothing.smooth import SmoothedBorders, SmoothingMethod, admissible_displacements, check_smoothing
 from bezier_filters.smoothing.volume import (
     VOLUME_STEPS,
@@ -62,16 +48,12 @@ from bezier_filters.smoothing.volume import (
     local_movement,
     outward_moves,
     volume_steps,
-    volumes_along,
 )
 from bezier_filters.surface_model.fit_options import FitOptions
 
-# columns of the displacement and of the weight of sharp estimates
-DISPLACEMENT, SHARPNESS = PREFIX + "displacement", PREFIX + "sharpness"
+DISPLACEMENT = PREFIX + "displacement"  # column of the displacement
 PAPER_OPTIONS = FitOptions(rings=2, alpha=0.8, smoothness="paper")  # as ``bezier_filters.smooth(..., method="paper")``
 STORE_BYTES = {"auto": (90, 56), "paper": (0, 64)}  # bytes per vertex in the store, once and per iteration
-# halo for the repair of flipped faces: a few times `REPAIR_RINGS` of `smoothing.flipped_faces`
-FINISH_RINGS = 8
 SMOOTHING_TILE_VERTICES = 5 << 18  # vertices; larger tiles, as the halos of the automatic smoothing are wide
 # counts of faces in the report
 FACE_COUNTS = ("flipped before", "flipped after", "degenerate before", "degenerate after", "new")
@@ -170,58 +152,28 @@ def smooth_file(
 
 
 def _smooth_automatically(run: Run, iterations: int, options: SmoothingOptions, keep_volume: bool) -> Report:
-    """Automatic smoothing: a round that measures the mesh, one for every iteration, and a final one."""
+    """Automatic smoothing: the rounds of every iteration, and a final one."""
     how = {"quantity": "automatic smoothing", "iterations": iterations, "keep_volume": keep_volume}
     results, mesh, fixed = run.results(how | asdict(options)), run.store, options.borders == "fixed"
-    known = _noise_of(run, mesh, options.sigma)
-    components: StoredComponents | None = None
-    current, here, folders = mesh, known, list[Path]()
+    common, folders = SmoothingRun(run, results), list[Path]()
+    surface = StoredSurface(common, mesh)
+    known = surface.learn_noise(options.sigma)
     for step in range(iterations):
-        measured = current
-        if step > 0:
-            options, here = replace(options, sigma=None), _noise_of(run, current)
-        current, here = _remove_outliers(run, current, here, results / f"clean-{step + 1}", options)
-        impulses: Impulses | None = None
-        before = np.zeros((0, 3))
-        for k in range(1 + MAX_IMPULSE_ROUNDS):
-            here, name, around = here or NoiseModel(0.0), f"{step + 1}-{k + 1}", tuple[int, ...]()
-            is_first = step == k == 0
-            if is_first or mesh.layout.vertex_count > MAX_WHOLE_VERTICES:
-                look = partial(measure_tile, current, here.sigma)
-                done = run.tiles("measure", results / f"measure-{name}", look)
-                around = (_roughest(done.tiles),)
-            if is_first and mesh.layout.face_count > 0 and not done.sums("incoherent")[0]:
-                components = merge_components(mesh, done.tiles)
-            with run.stages.stage("learn"):
-                parts = sample_store_parts(current, around)
-                learned = learn_plan(parts, here, options)
-                plan = None if learned is None else learned[0]
-            is_last = step + 1 == iterations
-            is_cleaned = current is not measured
-            reach = halo_rings(plan) + (FINISH_RINGS if is_cleaned else 0)
-            last = components if is_last else None
-            job = partial(smooth_tile, mesh, current, plan, reach, fixed, is_cleaned, last)
-            folder = results / f"smooth-{name}"
-            current, done = _run_round(run, "smooth", folder, job)
-            if options.sigma is None:
-                with run.stages.stage("learn"):
-                    impulses, before = _learn_impulses(measured, current, impulses, before)
-            if impulses is None or k == MAX_IMPULSE_ROUNDS:
-                break
-            corrected = partial(correct_tile, measured, current, impulses)
-            current, _ = _run_round(run, "correct", results / f"correct-{name}", corrected)
-            here = _noise_of(run, current, robust=False)
-        folders.append(folder)
-    steps, volume_before = None, None
-    if components is not None:
-        sums = _component_sums(done.tiles, components.count)
+        common.step, common.rounds, common.is_last = step + 1, 0, step + 1 == iterations
+        here = known if step == 0 else surface.learn_noise()
+        surface = denoise_surface(StoredSurface(common, surface.store), here, options)
+        options = replace(options, sigma=None)
+        folders.append(surface.folder)
+    components, steps, volume_before = common.components, None, None
+    if components is not None and surface.done is not None:
+        sums = _component_sums(surface.done.tiles, components.count)
         volume_before = float(sums[:, 0].sum())
         if keep_volume:
             steps = volume_steps(sums[:, 0], sums[:, 1:])
     of_steps = None if steps is None else save_array(results / "steps.bin", steps)
-    finish = partial(finish_tile, mesh, current, folders, fixed, components, of_steps)
-    current, done = _run_round(run, "finish", results / "finish", finish)
-    left = _noise_of(run, current)
+    finish = partial(finish_tile, mesh, surface.store, folders, fixed, components, of_steps)
+    store, done = run_round(run, "finish", results / "finish", finish)
+    left = StoredSurface(common, store).learn_noise()
     run.write(done.tiles)
     return run.report() | {
         "iterations": iterations,
@@ -235,60 +187,8 @@ def _smooth_automatically(run: Run, iterations: int, options: SmoothingOptions, 
         },
         "volume": {"before": volume_before, "after": None if volume_before is None else float(done.sums("volume")[0])},
         "faces": dict(zip(FACE_COUNTS, done.sums("faces").astype(int).tolist(), strict=True)),
-        "halo_rings": reach,
+        "halo_rings": surface.reach,
     }
-
-
-def _noise_of(run: Run, store: Store, sigma: float | None = None, robust: bool | None = None) -> NoiseModel | None:
-    """Noise of a mesh, with a given standard deviation if known; includes the outliers if not `robust`."""
-    with run.stages.stage("learn"):
-        return learn_store_noise(store, sigma, robust)
-
-
-def _remove_outliers(
-    run: Run, store: Store, noise: NoiseModel | None, folder: Path, options: SmoothingOptions
-) -> tuple[Store, NoiseModel | None]:
-    """Remove the outliers of a mesh where `denoise_mesh` does; returns the mesh and its remaining noise.
-
-    The folder of each round has this name with a number.
-    """
-    if noise is not None and noise.outliers:
-        with run.stages.stage("learn"):
-            are_noise, _ = choose_outliers_or_noise(sample_store_parts(store), noise, options)
-        if are_noise:
-            return store, _noise_of(run, store, options.sigma, robust=False)
-    rounds = 0
-    while needs_outlier_removal(noise, rounds):
-        rounds += 1
-        of_round = folder.with_name(f"{folder.name}-{rounds}")
-        store, _ = _run_round(run, "clean", of_round, partial(clean_tile, store))
-        noise = _noise_of(run, store, options.sigma)
-    return store, noise
-
-
-def _learn_impulses(
-    measured: Store, smoothed: Store, impulses: Impulses | None, before: FloatArray
-) -> tuple[Impulses | None, FloatArray]:
-    """Learn impulses after a round as `denoise_mesh` does, None if it has converged; also returns the points.
-
-    `impulses` and `before` are the impulses and the points of the previous round.
-    """
-    parts = sample_store_parts(smoothed)
-    points = parts.mesh.vertices
-    if impulses is not None and has_settled(before, points, impulses):
-        return None, points
-    return learn_impulses(sample_store_parts(measured).mesh.vertices, parts), points
-
-
-def _run_round(run: Run, stage: str, folder: Path, move: TileTask) -> tuple[Store, Round]:
-    """Run a round that moves vertices; returns the mesh, with float64 coordinates in one file, and the round."""
-    done, path = run.tiles(stage, folder, move), folder / "vertices.bin"
-    with atomic_write(path) as temporary, open(temporary, "wb") as stream:
-        for tile in done.tiles:
-            rows = tile.rows()
-            np.column_stack([rows[axis] for axis in "xyz"]).tofile(stream)
-    n = run.store.layout.vertex_count
-    return replace(run.store, vertices=ArrayFile(path, np.dtype(("f8", 3)), n)), done
 
 
 def _component_sums(tiles: Sequence[Tile], count: int) -> FloatArray:
@@ -297,100 +197,6 @@ def _component_sums(tiles: Sequence[Tile], count: int) -> FloatArray:
     for sums in (tile.report.sums for tile in tiles):
         result[np.array(sums["components"], dtype=np.int64)] += np.reshape(sums["volumes"], (-1, 1 + len(VOLUME_STEPS)))
     return result
-
-
-def _roughest(tiles: Sequence[Tile]) -> int:
-    """The roughest vertex, by its number in the source."""
-    values, ids = (np.concatenate([tile.report.sums[name] for tile in tiles]) for name in ("roughness", "roughest"))
-    return int(ids[roughest_vertices(values, ids.astype(np.int32))[0]])
-
-
-def measure_tile(store: Store, sigma: float, tile: int) -> tuple[Values, TileReport]:
-    """Component labels of a tile, and the roughest vertex if the mesh is large."""
-    is_large = store.layout.vertex_count > MAX_WHOLE_VERTICES and sigma > 0.0
-    part = tile_part(store, tile, ROUGHNESS_RINGS if is_large else 1)
-    mesh = prepare_mesh(part.mesh)
-    values, ids = np.zeros(1), np.zeros(1, dtype=np.int32)
-    if is_large:
-        piece = _mesh_part(store, part, mesh)
-        values, ids = roughness(piece, sigma)[part.own], piece.ids[part.own]
-    places = roughest_vertices(values, ids)
-    incoherent = incoherent_vertices(mesh.faces, mesh.adjacency)[part.own].any()
-    sums = {"roughness": values[places].tolist(), "roughest": ids[places].tolist(), "incoherent": [float(incoherent)]}
-    return label_vertices(part, mesh.adjacency), TileReport(tile, len(part.ids), sums)
-
-
-def clean_tile(store: Store, tile: int) -> tuple[Values, TileReport]:
-    """Vertices of a tile after the removal of outliers."""
-    part = tile_part(store, tile, OUTLIER_REACH)
-    points = move_mesh_outliers(prepare_mesh(part.mesh)).vertices
-    return table_of(points[part.own], {}), TileReport(tile, len(part.ids), {})
-
-
-def correct_tile(measured: Store, smoothed: Store, impulses: Impulses, tile: int) -> tuple[Values, TileReport]:
-    """Measured vertices of a tile, without those hit by impulses."""
-    part = tile_part(smoothed, tile, SLIDING_RINGS)
-    points = remove_impulses(measured.coordinates_of(part.ids), prepare_mesh(part.mesh), impulses)
-    return table_of(points[part.own], {}), TileReport(tile, len(part.ids), {})
-
-
-def _mesh_part(store: Store, part: TilePart, mesh: PreparedMesh) -> MeshPart:
-    core = np.zeros(len(part.ids), dtype=np.bool_)
-    core[part.own] = True
-    return MeshPart(mesh, store.sources(part.ids), part.cut, core, store.layout.vertex_count)
-
-
-def _denoise_part(store: Store, part: TilePart, plan: SmoothingPlan) -> tuple[FloatArray, FloatArray]:
-    """Denoised vertices of a part, (k, 3), and weights of sharp estimates, (k,)."""
-    mesh = prepare_mesh(part.mesh)
-    ordered = cuthill_mckee_order(mesh)  # faster than the Morton order for repeated filters
-    piece = reorder_part(_mesh_part(store, part, mesh), ordered)
-    del mesh  # saves memory
-    found = denoise(piece, plan)
-    return ordered.restore_order(found.points), ordered.restore_order(found.sharpness)
-
-
-def smooth_tile(
-    first: Store,
-    current: Store,
-    plan: SmoothingPlan | None,
-    reach: int,
-    fixed: bool,
-    is_cleaned: bool,
-    stored: StoredComponents | None,
-    tile: int,
-) -> tuple[Values, TileReport]:
-    """Smoothed vertices of a tile after an iteration, and weights of sharp estimates.
-
-    `first` and `current` are the mesh before all iterations and before this one, the latter possibly without outliers.
-    There is no plan without significant noise. `reach` is the width of the halo in rings. Fixed borders stay. The
-    volumes of closed components are reported if `stored` is given.
-    """
-    part = tile_part(current, tile, reach)
-    mesh, own = prepare_mesh(part.mesh), part.own
-    points, sharpness = mesh.vertices, np.zeros(len(part.ids))
-    if plan is not None:
-        points, sharpness = _denoise_part(current, part, plan)
-    movable = _movable(mesh, fixed)
-    if is_cleaned:
-        points = unfold_surface(mesh, points)
-    points = np.where(movable[:, np.newaxis], points, mesh.vertices)
-    rows = table_of(points[own], {SHARPNESS: sharpness[own]})
-    sums: dict[str, list[float]] = {}
-    if stored is not None:
-        before = mesh.move(first.coordinates_of(part.ids))
-        components, numbers = stored.select(part.ids)
-        moves = outward_moves(mesh.move(points), local_movement(before, points) * movable)
-        of_tile = mesh.faces[part.faces_of_tile()]
-        volumes = component_volumes(components, TriangleMesh(before.vertices, of_tile))
-        along = volumes_along(components, TriangleMesh(points, of_tile), moves)
-        sums |= {"components": numbers.tolist(), "volumes": np.column_stack([volumes, along]).ravel().tolist()}
-    return rows, TileReport(tile, len(part.ids), sums)
-
-
-def _movable(mesh: PreparedMesh, fixed: bool) -> BoolArray:
-    """Vertices that may move."""
-    return ~mesh.adjacency.on_boundary if fixed else np.ones(mesh.vertex_count, dtype=np.bool_)
 
 
 def finish_tile(
@@ -412,7 +218,7 @@ def finish_tile(
     points = smoothed.coordinates_of(part.ids)
     components, numbers = (None, None) if stored is None else stored.select(part.ids)
     if components is not None and steps is not None and components.count:
-        amounts = local_movement(mesh, points) * _movable(mesh, fixed)
+        amounts = local_movement(mesh, points) * movable_vertices(mesh, fixed)
         of_components = np.array(steps.memory_map()[numbers])
         points = apply_moves(components, points, of_components, outward_moves(mesh.move(points), amounts))
     points = repair_flipped_faces(mesh, points)
@@ -448,7 +254,7 @@ def _smooth_onto_patches(run: Run, iterations: int, options: FitOptions) -> Repo
         with run.stages.stage("learn"):
             fit = learn_fit(current, options)
         move = partial(move_tile, run.store, current, fit, not options.is_fixed)
-        current, done = _run_round(run, f"step {step + 1}", results, move)
+        current, done = run_round(run, f"step {step + 1}", results, move)
     run.write(done.tiles)
     return run.report() | {
         "iterations": iterations,

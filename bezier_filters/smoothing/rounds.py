@@ -16,6 +16,7 @@ from bezier_filters.meshes.adjacency import umbrella_vectors
 from bezier_filters.meshes.prepared_mesh import PreparedMesh
 from bezier_filters.meshes.spikes import move_folded_vertices
 from bezier_filters.noise.noise_model import NoiseModel
+from bezier_filters.runtime.cached_property import cached_property
 from bezier_filters.runtime.parallel import Progress
 from bezier_filters.smoothing.denoise import DenoisedMesh, SmoothingOptions, remove_noise
 from bezier_filters.smoothing.flipped_faces import repair_flipped_faces
@@ -34,8 +35,9 @@ class NoisySurface(Protocol):
     def learn_noise(self, sigma: float | None = None, robust: bool | None = None) -> NoiseModel | None:
         """Learn the noise, see `learn_mesh_noise`."""
 
-    def sample_parts(self) -> MeshPart:
-        """Sample parts of the surface, see `mesh_parts`."""
+    @property
+    def parts(self) -> MeshPart:
+        """Sampled parts of the surface, see `mesh_parts`."""
 
     def points_of(self, ids: IntArray) -> FloatArray:
         """Coordinates (k, 3) of vertices of the sampled parts."""
@@ -66,7 +68,7 @@ def denoise_surface(
     """
     if noise is None or not noise.outliers:
         return _denoise_in_rounds(measured, noise, options, progress=progress)
-    parts = measured.sample_parts()
+    parts = measured.parts
     are_noise, found = _choose_outliers_or_noise(parts, noise, options, progress=progress)
     whole = measured.adopt(parts, found)
     if whole is not None:
@@ -96,7 +98,7 @@ def _denoise_in_rounds(
         noise, rounds = surface.learn_noise(options.sigma), rounds + 1
     found = surface.remove_noise(noise or NoiseModel(0.0), options, unfold=rounds > 0, progress=progress)
     for _ in range(0 if options.sigma is not None else MAX_IMPULSE_ROUNDS):
-        parts = found.sample_parts()
+        parts = found.parts
         impulses = learn_impulses(measured.points_of(parts.ids), parts)
         if impulses is None:
             break
@@ -151,7 +153,8 @@ class _MeshInMemory:
     def learn_noise(self, sigma: float | None = None, robust: bool | None = None) -> NoiseModel | None:
         return learn_mesh_noise(self.mesh, sigma, robust)
 
-    def sample_parts(self) -> MeshPart:
+    @cached_property
+    def parts(self) -> MeshPart:
         return sample_parts(self.mesh)
 
     def points_of(self, ids: IntArray) -> FloatArray:

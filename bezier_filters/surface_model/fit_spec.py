@@ -155,7 +155,7 @@ def posterior_variances(equations: FitEquations) -> tuple[float, float]:
     return float(covariance[:2].sum()), float(covariance[2:].sum())
 
 
-def allowed_specs(specs: Sequence[FitSpec], options: FitOptions) -> list[FitSpec]:
+def select_specs(specs: Sequence[FitSpec], options: FitOptions) -> list[FitSpec]:
     """Specifications with the given rings or, if none are given, without too large a radius."""
     narrowest = min((spec.radius for spec in specs), default=0.0)
     narrow = [spec for spec in specs if spec.radius <= max(options.max_radius, narrowest)]

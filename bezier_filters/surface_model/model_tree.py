@@ -19,7 +19,7 @@ from bezier_filters.surface_model.fit_options import FitOptions
 from bezier_filters.surface_model.fit_spec import (
     THIRD_ORDER,
     FitSpec,
-    allowed_specs,
+    select_specs,
     best_spec,
     best_specs,
     predict_under_model,
@@ -106,7 +106,7 @@ def fit_leaf(
 def best_leaf(surface: SurfaceModel, specs: Sequence[FitSpec], options: FitOptions) -> Leaf | None:
     """A leaf with the best of the allowed fits; None if there is none."""
     finite = tuple(spec for spec in specs if np.isfinite(spec.error))
-    allowed = allowed_specs(finite, options)
+    allowed = select_specs(finite, options)
     if not allowed or not np.isfinite(surface.sigma):
         return None
     best = best_spec(specs_to_first_minimum(allowed) if surface.noise.sills else allowed)

@@ -24,6 +24,8 @@ patches
 surfaces
 meshes
 kernels
+sampling
+noise
 surface_model
 fitting
 smoothing
