@@ -1,11 +1,14 @@
 """Faces that are turned over."""
 
 import numpy as np
+import pytest
+from numba import config
+from smoothing_cases import edge_of, part_around
 
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
 from bezier_filters.smoothing.flipped_faces import bad_faces, repair_flipped_faces
-from bezier_filters.surfaces import waves
+from bezier_filters.surfaces import bumpy_star, waves
 
 
 def test_moves_that_turn_faces_over_are_taken_back():
@@ -30,3 +33,18 @@ def test_faces_without_area_are_degenerate_not_flipped():
     bad = bad_faces(mesh, vertex_adjacency(mesh))
     assert bad.degenerate.tolist() == [False, True]
     assert not bad.flipped.any()
+
+
+@pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")
+def test_faces_are_repaired_alike_in_a_part():
+    star = bumpy_star(resolution=24, jitter=0.2)
+    mesh = triangle_mesh(star.vertices, star.faces)
+    adjacency, rng = vertex_adjacency(mesh), np.random.default_rng(0)
+    moved = mesh.vertices + 0.6 * edge_of(mesh.vertices, mesh.faces) * rng.standard_normal(mesh.vertices.shape)
+    whole = repair_flipped_faces(mesh, adjacency, moved)
+    assert not np.array_equal(whole, moved)
+    inner = mesh.vertices[:, 0] > 0.4
+    part = part_around(mesh, adjacency, inner, 20)
+    rows = inner[part.ids]
+    found = repair_flipped_faces(part.mesh, part.adjacency, moved[part.ids])
+    assert np.mean(np.abs(found[rows] - whole[part.ids[rows]]).max(axis=1) > 1e-12) < 1e-3
