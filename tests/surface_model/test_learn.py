@@ -1,14 +1,11 @@
 """Noise that turns single normals is told from thin parts and sharp edges, whose normals turn away, too."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from numba import config
 from scanner_noise import in_all_directions
 
 from bezier_filters import estimate_vertex_geometry
-from bezier_filters.fitting.adaptive_fit import _region_fit
 from bezier_filters.kernels.kernel_input import prepare_kernel_mesh
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.surface_model.fit_spec import FitConstraints
@@ -82,15 +79,3 @@ def test_curvature_survives_heavy_noise(surface, options):
     plain = estimate_vertex_geometry(vertices, surface.faces, rings=5, degree=2, alpha=1.0)
     assert curvature_error(surface, geometry) < 0.5 * curvature_error(surface, plain)
     assert np.einsum("ij,ij->i", geometry.normals, surface.normals).min() > 0.0
-
-
-@pytest.mark.parametrize("exact", ["normal_noise", "curvature_noise"])
-def test_parts_of_a_surface_that_is_exact_elsewhere_have_fits_of_their_own(exact):
-    """Standard errors of 0, as a flat whole has, are no unit for those of a part."""
-    surface = bumpy_star(resolution=12, jitter=0.2)
-    arrays, adjacency = prepare_kernel_mesh(triangle_mesh(surface.vertices, surface.faces), creases=True)
-    leaf = learn_surface(arrays, adjacency, FitConstraints())[1]
-    assert not _region_fit(leaf, leaf).attempts
-    part = _region_fit(replace(leaf, chosen=replace(leaf.chosen, **{exact: 0.0})), leaf)
-    assert part.attempts
-    assert not np.isfinite(part.error_ratios).any()
