@@ -83,15 +83,15 @@ bench-kernels: .venv-dev/bench-ready  ## times of the stages, next to the last r
 	    --benchmark-columns=min,median --benchmark-sort=name
 
 fuzz: .venv-dev/ready  ## damage 100,000 meshes, 10,000 files and 300 stores and caches at random, and run on them
-	.venv-dev/$(BIN)/python benchmarks/fuzz.py
-	.venv-dev/$(BIN)/python benchmarks/fuzz_files.py
-	.venv-dev/$(BIN)/python benchmarks/fuzz_stored.py
+	.venv-dev/$(BIN)/python tools/fuzz.py
+	.venv-dev/$(BIN)/python tools/fuzz_files.py
+	.venv-dev/$(BIN)/python tools/fuzz_stored.py
 
 mutants: .venv-dev/bench-ready  ## change the code at 250 places, one at a time: do the tests notice? ARGS="--first 500" goes on
-	.venv-dev/$(BIN)/python benchmarks/mutants.py $(if $(ARGS),$(ARGS),--first 250)
+	.venv-dev/$(BIN)/python tools/mutants.py $(if $(ARGS),$(ARGS),--first 250)
 
 corpus: .venv-dev/ready  ## run everything on every mesh file below a folder (DIR=folder), into out/corpus.csv
-	.venv-dev/$(BIN)/python benchmarks/corpus.py $(DIR) $(ARGS)
+	.venv-dev/$(BIN)/python tools/corpus.py $(DIR) $(ARGS)
 
 clean:  ## remove environments, caches and outputs
 	rm -rf .venv .venv-dev .venv-oldest .venv-python* out build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -3,13 +3,18 @@
 It has the shape of the mesh and known normals and curvatures, which no analytic surface offers.
 """
 
+import sys
+from pathlib import Path
+
 import numpy as np
 import pymeshlab
 
 import bezier_filters as bf
 from bezier_filters.surfaces import SampledSurface
-from half_edges import HalfEdges, half_edges
 from peers import loaded
+
+sys.path.append(str(Path(__file__).parents[1] / "tools"))
+from half_edges import HalfEdges, half_edges
 
 
 def limit_surface(vertices: np.ndarray, faces: np.ndarray, *, subdivisions: int) -> tuple[SampledSurface, np.ndarray]:

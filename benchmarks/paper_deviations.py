@@ -12,8 +12,8 @@ from bezier_filters import surfaces
 from bezier_filters.holes.hole_detection import find_holes
 from bezier_filters.holes.influence_region import INFLUENCE_RINGS, influence_regions
 from bezier_filters.holes.planar_fill import MIN_PATCH_POINTS, PAPER_RINGS, paper_fill
-from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import triangle_mesh
+from bezier_filters.meshes.prepared_mesh import prepare_mesh
 from cut_holes import Case, compact, cut
 from sub_holes import load, random_cuts, rms
 
@@ -116,12 +116,9 @@ def influence_areas(mesh: tuple[np.ndarray, np.ndarray]) -> str:
     for k in range(0, len(vertices), 1400):
         around = (faces == k).any(axis=1)
         for kind, lost in (("a face", np.arange(len(faces)) == around.argmax()), ("a vertex", around)):
-            opened = triangle_mesh(*compact(vertices, faces[~lost]))
-            adjacency = vertex_adjacency(opened)
-            loops = [hole.loops for hole in find_holes(opened, adjacency)]
-            ((narrow,), (wide,)) = (
-                influence_regions(opened, adjacency, loops, rings) for rings in (PAPER_RINGS, INFLUENCE_RINGS)
-            )
+            opened = prepare_mesh(triangle_mesh(*compact(vertices, faces[~lost])))
+            loops = [hole.loops for hole in find_holes(opened)]
+            ((narrow,), (wide,)) = (influence_regions(opened, loops, rings) for rings in (PAPER_RINGS, INFLUENCE_RINGS))
             total[kind] += 1
             if len(narrow.ids) < MIN_PATCH_POINTS:
                 few[kind] += 1

@@ -12,6 +12,7 @@ cycles and by PCA is not in units of curvature; it is in the tables, not in the 
 
 import argparse
 import csv
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -37,6 +38,8 @@ from peers import (
     ouyang_feng,
     razdan_bae,
 )
+
+sys.path.append(str(Path(__file__).parents[1] / "tools"))
 from survivors import keep_survivors
 
 RESULTS = Path(__file__).parent / "results"

@@ -20,8 +20,8 @@ from bezier_filters.holes.crease_ends import crease_ends, sharp_edge_graph
 from bezier_filters.holes.hole_detection import find_holes
 from bezier_filters.holes.influence_region import influence_regions
 from bezier_filters.holes.loops import diameter
-from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import triangle_mesh
+from bezier_filters.meshes.prepared_mesh import prepare_mesh
 from cut_holes import Case, compact, cut, surface_points
 
 SMALLEST, LARGEST = 0.03, 0.12
@@ -51,12 +51,11 @@ def random_holes(vertices: np.ndarray, faces: np.ndarray, count: int, ends: int,
 
 def _ends_of(case: Case) -> int:
     """Number of crease ends at a hole, -1 if its rim is not one simple loop."""
-    mesh = triangle_mesh(*compact(case.vertices, case.faces))
-    adjacency = vertex_adjacency(mesh)
-    holes = find_holes(mesh, adjacency)
+    mesh = prepare_mesh(triangle_mesh(*compact(case.vertices, case.faces)))
+    holes = find_holes(mesh)
     if len(holes) != 1:
         return -1
-    (region,) = influence_regions(mesh, adjacency, [holes[0].loops])
+    (region,) = influence_regions(mesh, [holes[0].loops])
     return len(crease_ends(region, sharp_edge_graph(region))[0]) if region.has_simple_rim else -1
 
 

@@ -9,6 +9,7 @@ writes uneven_shape.csv.
 
 import argparse
 import csv
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +30,8 @@ from peers import (
     razdan_bae,
 )
 from reduction import TITLES, model
+
+sys.path.append(str(Path(__file__).parents[1] / "tools"))
 from survivors import keep_survivors
 
 RESULTS = Path(__file__).parent / "results"

@@ -60,6 +60,7 @@ def compile_once(config):
         paths = [
             config.rootpath,
             config.rootpath / "benchmarks",
+            config.rootpath / "tools",
             Path(__file__).with_name("helpers"),
             os.environ.get("PYTHONPATH", ""),
         ]

@@ -19,11 +19,11 @@ from bezier_filters.surface_model.fit_options import FitOptions
 from bezier_filters.surface_model.fit_spec import (
     THIRD_ORDER,
     FitSpec,
-    select_specs,
     best_spec,
     best_specs,
     predict_under_model,
     prefer_cubic,
+    select_specs,
     specs_around,
     specs_to_first_minimum,
 )

@@ -6,15 +6,15 @@ from typing import Any
 import matplotlib
 import numpy as np
 
-import bezier_filters as bf
 from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.fitting.mesh_neighbourhoods import MeshNeighbourhoods
 from bezier_filters.kernels.kernel_input import prepare_kernel_mesh
-from bezier_filters.meshes.adjacency import Adjacency, mean_edge
-from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
-from bezier_filters.surface_model.fit_spec import FitConstraints
+from bezier_filters.meshes.adjacency import Adjacency
+from bezier_filters.meshes.mesh import triangle_mesh
+from bezier_filters.meshes.prepared_mesh import PreparedMesh, prepare_mesh
+from bezier_filters.surface_model.fit_options import FitOptions
 from bezier_filters.surface_model.learn import learn_surface
 from bezier_filters.surface_model.model_tree import Leaf
-from bezier_filters.sampling.ring_analysis import RingAnalysis
 
 matplotlib.use("agg")
 from matplotlib import pyplot
@@ -29,11 +29,9 @@ def save(figure: Any, name: str) -> None:
     pyplot.close(figure)
 
 
-def prepare(vertices: FloatArray, faces: IntArray) -> tuple[TriangleMesh, Adjacency, float]:
-    """A mesh, its adjacency and its mean edge."""
-    mesh = triangle_mesh(vertices, faces)
-    adjacency = bf.vertex_adjacency(mesh)
-    return mesh, adjacency, mean_edge(mesh, adjacency)
+def prepare(vertices: FloatArray, faces: IntArray) -> PreparedMesh:
+    """A mesh with its adjacency."""
+    return prepare_mesh(triangle_mesh(vertices, faces))
 
 
 def white_noise(count: int, seed: int = 0) -> FloatArray:
@@ -50,10 +48,10 @@ def correlated_noise(adjacency: Adjacency, count: int, averages: int = 2) -> Flo
     return np.sqrt(0.9) * values / values.std() + np.sqrt(0.1) * white_noise(count, 1)
 
 
-def learn(vertices: FloatArray, faces: IntArray) -> tuple[list[RingAnalysis], Leaf]:
-    """The analyses of all rings, and the surface model with its fit specifications."""
-    arrays, adjacency = prepare_kernel_mesh(triangle_mesh(vertices, faces), creases=True)
-    analyses, leaf = learn_surface(arrays, adjacency, FitConstraints())
+def learn(vertices: FloatArray, faces: IntArray) -> Leaf:
+    """The surface model of a mesh, with its fit specifications."""
+    arrays = prepare_kernel_mesh(triangle_mesh(vertices, faces), creases=True)
+    leaf = learn_surface(MeshNeighbourhoods(arrays), FitOptions())
     if leaf is None:
         raise ValueError("the mesh determines no surface model")
-    return analyses, leaf
+    return leaf

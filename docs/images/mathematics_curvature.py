@@ -9,10 +9,10 @@ from matplotlib import pyplot
 
 import bezier_filters as bf
 from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.noise.noise_model import ring_noise
 from bezier_filters.patches.harmonics import harmonic_basis
 from bezier_filters.surface_model.fit_spec import fit_equations, mean_squared_errors
 from bezier_filters.surface_model.model import SIGNIFICANT_STANDARD_ERRORS
-from bezier_filters.noise.noise_model import ring_noise
 from bezier_filters.surface_model.variances import PRIOR_RANGE, UPPER_PRIOR_RANGE, posterior_mean_variance
 from bezier_filters.surfaces import bumpy_star, torus
 
@@ -26,11 +26,11 @@ def shape_operators(geometry: Any) -> FloatArray:
 def draw_predicted_errors() -> None:
     """Variance, bias and error of the second derivatives over the rings, predicted and measured."""
     shape = torus(major_radius=1.0, minor_radius=0.4, resolution=60, jitter=0.3)
-    edge = prepare(shape.vertices, shape.faces)[2]
+    edge = prepare(shape.vertices, shape.faces).mean_edge
     figure, both = pyplot.subplots(1, 2, figsize=(10, 4.2), layout="constrained", sharey=True)
     for axes, noise in zip(both, (0.01, 0.1), strict=True):
         vertices = shape.vertices + (noise * edge * white_noise(len(shape.vertices)))[:, None] * shape.normals
-        _, leaf = learn(vertices, shape.faces)
+        leaf = learn(vertices, shape.faces)
         specs = {spec.rings: spec for spec in leaf.specs}
         rows, measured = [], []
         for ring in leaf.surface.by_rings:
@@ -77,9 +77,9 @@ def draw_variance_components() -> None:
     left.grid(alpha=0.25)
 
     shape = bumpy_star(resolution=30, jitter=0.3)
-    edge = prepare(shape.vertices, shape.faces)[2]
+    edge = prepare(shape.vertices, shape.faces).mean_edge
     vertices = shape.vertices + (0.05 * edge * white_noise(len(shape.vertices)))[:, None] * shape.normals
-    _, leaf = learn(vertices, shape.faces)
+    leaf = learn(vertices, shape.faces)
     ring = next(ring for ring in leaf.surface.by_rings if ring.analysis.rings == leaf.chosen.rings)
     sums, basis = ring.analysis.sums, harmonic_basis()
     squares, weights, counts = (part.sum(axis=0) for part in (sums.term_squares, sums.term_weights, sums.term_counts))
@@ -123,14 +123,15 @@ def _frequency(term: int) -> int:
 def draw_noise_spectrum() -> None:
     """Mean squares of the scores by ring and degree, and the share of white and of correlated noise in them."""
     shape = torus(major_radius=1.0, minor_radius=0.4, resolution=80, jitter=0.2)
-    _, adjacency, edge = prepare(shape.vertices, shape.faces)
+    mesh = prepare(shape.vertices, shape.faces)
+    adjacency, edge = mesh.adjacency, mesh.mean_edge
     sigma = 0.1 * edge
     heights = sigma * correlated_noise(adjacency, len(shape.vertices))
     vertices = shape.vertices + heights[:, None] * shape.normals
-    analyses, leaf = learn(vertices, shape.faces)
+    leaf = learn(vertices, shape.faces)
     noise, basis = leaf.surface.noise, harmonic_basis()
     figure, four = pyplot.subplots(1, 4, figsize=(11, 3.6), layout="constrained", sharey=True)
-    for axes, analysis in zip(four, [one for one in analyses if 2 <= one.rings <= 5], strict=True):
+    for axes, analysis in zip(four, [one for one in leaf.analyses if 2 <= one.rings <= 5], strict=True):
         degrees = np.arange(3, analysis.degree + 1)
         m = analysis.sums.scores.shape[1]
         observed = np.square(analysis.sums.scores).mean(axis=0)

@@ -15,6 +15,7 @@ from bezier_filters.holes.implicit_surface import INTERPOLATION_RATIO, NOISE_RAT
 from bezier_filters.holes.influence_region import InfluenceRegion, influence_regions, select_surface_points
 from bezier_filters.holes.smooth_fill import fit_surrounding_surface, initial_fill
 from bezier_filters.meshes.mesh import triangle_mesh
+from bezier_filters.meshes.prepared_mesh import prepare_mesh
 from bezier_filters.surfaces import ellipsoid, torus
 
 
@@ -24,10 +25,9 @@ def hole_region(
     """The region around the first hole of a mesh without some vertices, and the mesh without them."""
     kept = faces[~removed[faces].any(axis=1)]
     ids, local = np.unique(kept, return_inverse=True)
-    mesh = triangle_mesh(vertices[ids], local.reshape(-1, 3).astype(np.int32))
-    adjacency = bf.vertex_adjacency(mesh)
-    holes = [hole for hole in find_holes(mesh, adjacency) if not hole.is_outer_rim]
-    (region,) = influence_regions(mesh, adjacency, [holes[0].loops])
+    mesh = prepare_mesh(triangle_mesh(vertices[ids], local.reshape(-1, 3).astype(np.int32)))
+    holes = [hole for hole in find_holes(mesh) if not hole.is_outer_rim]
+    (region,) = influence_regions(mesh, [holes[0].loops])
     return region, mesh.vertices, mesh.faces
 
 
@@ -102,7 +102,7 @@ def draw_spline() -> None:
 def draw_likelihood() -> None:
     """The restricted likelihood over the noise ratio, and the error of the zeros, for both powers."""
     shape = ellipsoid(semi_axes=(1.0, 0.8, 0.6), resolution=24, jitter=0.2)
-    edge = prepare(shape.vertices, shape.faces)[2]
+    edge = prepare(shape.vertices, shape.faces).mean_edge
     vertices = shape.vertices + (0.1 * edge * white_noise(len(shape.vertices)))[:, None] * shape.normals
     removed = (shape.vertices[:, 2] > 0.0) & (np.hypot(shape.vertices[:, 0], shape.vertices[:, 1] / 0.8) < 0.4)
     region, open_vertices, open_faces = hole_region(vertices, shape.faces, removed)

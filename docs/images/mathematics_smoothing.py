@@ -8,6 +8,8 @@ from scipy.special import j0
 
 import bezier_filters as bf
 from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.meshes.prepared_mesh import prepare_mesh
+from bezier_filters.noise.noise_model import NoiseModel
 from bezier_filters.smoothing.chebyshev import low_pass
 from bezier_filters.smoothing.clusters import clusters_of
 from bezier_filters.smoothing.denoise import ESTIMATE_KINDS, candidates
@@ -16,7 +18,6 @@ from bezier_filters.smoothing.low_pass import FILTER_STRENGTHS, learn_low_pass
 from bezier_filters.smoothing.mesh_parts import whole_mesh
 from bezier_filters.smoothing.noise import NoisyMesh
 from bezier_filters.smoothing.random_noise import WHITE, Correlation
-from bezier_filters.noise.noise_model import NoiseModel
 from bezier_filters.surfaces import bumpy_star
 
 
@@ -45,9 +46,10 @@ def draw_transfer_functions() -> None:
 def draw_risk() -> None:
     """Stein's risk of the low-pass filters, next to their true error, under white and correlated noise."""
     shape = bumpy_star(resolution=40, jitter=0.2)
-    mesh, adjacency, edge = prepare(shape.vertices, shape.faces)
+    mesh = prepare(shape.vertices, shape.faces)
+    edge = mesh.mean_edge
     count, sigma = len(shape.vertices), 0.2 * edge
-    part = whole_mesh(mesh, adjacency)
+    part = whole_mesh(prepare_mesh(mesh))
     laplacian, clusters = umbrella_laplacian(part, "free"), clusters_of(part)
     figure, both = pyplot.subplots(1, 2, figsize=(10, 4.2), layout="constrained", sharey=True)
     blurred = Correlation.calibrate(NoiseModel(0.1, (0.9,), (1.2 * edge,)), edge, part.ids, laplacian, part.core)
@@ -85,7 +87,8 @@ def draw_estimates() -> None:
     x, y = radius * np.cos(angle), radius * np.sin(angle)
     ball = crease * np.sqrt(2.0)  # its cap meets the plate at 45 degrees
     z = np.sqrt(np.maximum(ball**2 - radius**2, crease**2)) - crease
-    clean, adjacency, edge = prepare(np.column_stack([x, y, z]), Delaunay(np.column_stack([x, y])).simplices)
+    clean = prepare(np.column_stack([x, y, z]), Delaunay(np.column_stack([x, y])).simplices)
+    edge = clean.mean_edge
     faces = clean.faces
     corners = clean.vertices[faces]
     if np.cross(corners[0, 1] - corners[0, 0], corners[0, 2] - corners[0, 0])[2] < 0.0:
@@ -93,7 +96,7 @@ def draw_estimates() -> None:
     normals = bf.estimate_vertex_geometry(clean.vertices, faces).normals
     vertices = clean.vertices + (0.2 * edge * white_noise(len(x)))[:, None] * normals
     mesh = TriangleMesh(vertices, faces)
-    part = whole_mesh(mesh, adjacency)
+    part = whole_mesh(prepare_mesh(mesh))
     laplacian = umbrella_laplacian(part, "free")
     noisy = NoisyMesh(part, clusters_of(part), np.full(len(x), 0.2 * edge), WHITE, laplacian)
     _, filters = learn_low_pass(noisy, "curve", edge)

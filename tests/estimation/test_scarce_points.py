@@ -1,26 +1,12 @@
-"""Meshes of which nothing can be learned, or whose points leave something open: what is found, and what is said."""
+"""Meshes of which nothing can be learned, or whose points leave something open."""
 
 import numpy as np
 import pytest
+from scarce_meshes import soup, tube
 
 from bezier_filters import estimate_vertex_geometry, inspect_mesh, smooth
 from bezier_filters.status import FitStatus
-from bezier_filters.surfaces import sphere, torus, waves
-
-
-def tube(edges, height, radius=1.0):
-    """A cylinder of two rows of vertices."""
-    angles = 2.0 * np.pi * np.arange(edges) / edges
-    ring = radius * np.column_stack([np.cos(angles), np.sin(angles), np.zeros(edges)])
-    i, j = np.arange(edges), np.roll(np.arange(edges), -1)
-    faces = np.concatenate([np.column_stack([i, j, j + edges]), np.column_stack([i, j + edges, i + edges])])
-    return np.concatenate([ring, ring + np.array([0.0, 0.0, height])]), faces
-
-
-def soup():
-    """Triangles that share no vertices."""
-    sheet = waves(resolution=30)
-    return sheet.vertices[sheet.faces].reshape(-1, 3), np.arange(sheet.faces.size).reshape(-1, 3)
+from bezier_filters.surfaces import sphere, torus
 
 
 class TestTwoRows:
@@ -80,39 +66,6 @@ class TestDegreeThatWasAskedFor:
         two, four = (estimate_vertex_geometry(small.vertices, small.faces[keep], degree=k) for k in (2, 4))
         assert two.fit.alpha == four.fit.alpha == 0.8
         assert np.abs(two.mean_curvature - four.mean_curvature).max() > 1e-3
-
-
-def crumpled():
-    sheet = waves(resolution=60)
-    noise = np.random.default_rng(0).normal(scale=0.1, size=sheet.vertices.shape)
-    return sheet.vertices + noise, sheet.faces
-
-
-REASONS = {
-    "soup": (soup, "neighbourhoods reach a border or a sharp edge"),
-    "two rows": (lambda: tube(400, 1.0), "neighbourhoods reach a border or a sharp edge"),
-    "crumpled": (crumpled, "neighbourhoods fold: noise is as large as the edges, or faces are flipped"),
-    "few": (lambda: (np.eye(4, 3), [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]), "4 vertices are too few"),
-    "cancelled": (lambda: (np.eye(3), [[0, 1, 2], [0, 2, 1]]), "no vertex has a normal"),
-}
-
-
-@pytest.mark.parametrize("name", REASONS)
-def test_the_reason_why_the_noise_is_unknown(name):
-    make, reason = REASONS[name]
-    vertices, faces = make()
-    geometry, smoothed = estimate_vertex_geometry(vertices, faces), smooth(vertices, faces)
-    assert geometry.noise_sigma is smoothed.noise_before is None
-    assert reason in geometry.fit.noise
-    assert reason in smoothed.noise
-    assert reason in repr(smoothed)
-
-
-def test_there_is_no_reason_where_the_noise_is_known_or_nothing_was_to_be_learned():
-    ball = sphere()
-    assert not estimate_vertex_geometry(ball.vertices, ball.faces).fit.noise_reason
-    assert not smooth(ball.vertices, ball.faces).noise_reason
-    assert not estimate_vertex_geometry(*soup(), rings=2, alpha=0.8).fit.noise
 
 
 class TestFacesWithoutArea:

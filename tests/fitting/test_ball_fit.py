@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from compiled import from_python
 
-from bezier_filters import InvalidParameterError, estimate_vertex_geometry
+from bezier_filters import estimate_vertex_geometry
 from bezier_filters.meshes.neighbourhoods import collect_ball
 from bezier_filters.surfaces import ellipsoid, sphere, waves
 
@@ -144,17 +144,3 @@ def test_meshes_too_small_to_learn_from_take_the_fixed_fit():
     geometry = estimate_vertex_geometry(surface.vertices, surface.faces, radius=1.2)
     assert (geometry.fit.radius, geometry.fit.alpha, geometry.noise_sigma) == (1.2, 0.8, None)
     assert np.isfinite(geometry.k_max).all()
-
-
-@pytest.mark.parametrize("radius", [0, 0.0, -1.0, np.nan, np.inf, "auto", True, [1.0]])
-def test_a_radius_that_is_no_positive_length_is_refused(radius):
-    surface = sphere(resolution=2)
-    with pytest.raises(InvalidParameterError, match=r"radius: got .*, expected a positive length, or None"):
-        estimate_vertex_geometry(surface.vertices, surface.faces, radius=radius)
-
-
-@pytest.mark.parametrize("options", [{}, {"smoothness": "paper"}])
-def test_rings_and_radius_are_not_given_together(options):
-    surface = sphere(resolution=2)
-    with pytest.raises(InvalidParameterError, match=r"radius: got 0\.5 and rings=2; give one of them, not both"):
-        estimate_vertex_geometry(surface.vertices, surface.faces, radius=0.5, rings=2, **options)

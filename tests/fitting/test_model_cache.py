@@ -9,10 +9,10 @@ import pytest
 import bezier_filters as bf
 from bezier_filters.estimation.estimate import geometry_where
 from bezier_filters.fitting import model_cache
-from bezier_filters.fitting.adaptive_fit import SurfaceFit
+from bezier_filters.fitting.region_fits import SurfaceFit
 from bezier_filters.fitting.vertex_geometry import FitChoice
-from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import triangle_mesh
+from bezier_filters.meshes.prepared_mesh import prepare_mesh
 from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star
 
 
@@ -58,7 +58,7 @@ def test_so_does_a_mesh_in_its_own_order_after_that_of_space(empty_cache, mesh, 
     """Holes are surrounded by few vertices, for which a mesh is not sorted; where patches end is told by the mesh."""
     own = triangle_mesh(*mesh)
     ways = [
-        lambda: geometry_where(own, vertex_adjacency(own), lambda _: np.ones(len(mesh[0]), dtype=bool)),
+        lambda: geometry_where(prepare_mesh(own), lambda _: np.ones(len(mesh[0]), dtype=bool)),
         lambda: bf.estimate_vertex_geometry(*mesh),
     ]
     learn, look_up_fit = ways if order == "its own first" else ways[::-1]

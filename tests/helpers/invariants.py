@@ -86,8 +86,8 @@ def meshes_fitted(mesh, geometry, mode):
     """
     if geometry.fit.noise_sigma is None:
         return [mesh]
-    arrays, adjacency = prepare_kernel_mesh(mesh, creases=True)
-    cleaned = replace(mesh, vertices=move_outliers(arrays, adjacency).vertices)
+    arrays = prepare_kernel_mesh(mesh, creases=True)
+    cleaned = replace(mesh, vertices=move_outliers(arrays).vertices)
     return [cleaned] if mode == "robust" else [mesh, cleaned]
 
 

@@ -93,6 +93,7 @@ def fit_stars(drawn, plan):
         empty,
         np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32),
         np.setdiff1d(np.arange(total), centers).astype(np.int32),
+        np.zeros(total, dtype=np.bool_),
         np.tile([0.0, 0.0, 1.0], (total, 1)),
         np.full(total, 2.0, dtype=np.float32),
         np.zeros(total, dtype=np.bool_),

@@ -8,10 +8,10 @@ from scipy.sparse import coo_matrix
 
 from bezier_filters.kernels.kernel_input import prepare_kernel_mesh
 from bezier_filters.meshes.mesh import triangle_mesh
-from bezier_filters.surface_model.learn import FIRST_STAGE_MAX_RINGS, MAX_FLIPPED_FRACTION, SAMPLES_PER_RING
-from bezier_filters.sampling.neighbourhood_samples import draw_from_mesh, sample_neighbourhoods
 from bezier_filters.noise.noise_spectrum import learn_noise_covariance
+from bezier_filters.sampling.neighbourhood_samples import draw_from_mesh, sample_by_mode
 from bezier_filters.sampling.ring_analysis import analyse_rings
+from bezier_filters.surface_model.learn import FIRST_STAGE_MAX_RINGS, SAMPLES_PER_RING
 from bezier_filters.surfaces import sphere, torus
 
 
@@ -62,11 +62,8 @@ def in_all_directions(vertices, faces, level, seed=0):
 
 def learned(vertices, faces):
     """The correlated noise that narrow rings tell of, as in the package; None if it is white."""
-    mesh, adjacency = prepare_kernel_mesh(triangle_mesh(vertices, faces), creases=True)
-    ids = draw_from_mesh(mesh, SAMPLES_PER_RING[2])
-    sample = sample_neighbourhoods(
-        mesh, adjacency, ids, rings=FIRST_STAGE_MAX_RINGS, max_flipped_fraction=MAX_FLIPPED_FRACTION
-    )
+    mesh = prepare_kernel_mesh(triangle_mesh(vertices, faces), creases=True)
+    sample = sample_by_mode(mesh, draw_from_mesh(mesh, SAMPLES_PER_RING[2]), FIRST_STAGE_MAX_RINGS, "plain")
     rings = {k: SAMPLES_PER_RING[k] for k in range(1, FIRST_STAGE_MAX_RINGS + 1)}
     return learn_noise_covariance(analyse_rings(sample, rings, vertex_count=len(vertices)))
 

@@ -21,8 +21,8 @@ from bezier_filters.holes.crease_fill import (
 )
 from bezier_filters.holes.hole_detection import find_holes
 from bezier_filters.holes.influence_region import influence_regions
-from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import triangle_mesh
+from bezier_filters.meshes.prepared_mesh import prepare_mesh
 from bezier_filters.surfaces import block_with_sharp_edges
 
 
@@ -418,10 +418,9 @@ def test_no_curves_to_a_corner_far_away():
 
 def region_and_creases(vertices, faces):
     """What surrounds the only hole of a mesh, and the creases there."""
-    mesh = triangle_mesh(vertices, faces)
-    adjacency = vertex_adjacency(mesh)
-    (hole,) = find_holes(mesh, adjacency)
-    (region,) = influence_regions(mesh, adjacency, [hole.loops])
+    mesh = prepare_mesh(triangle_mesh(vertices, faces))
+    (hole,) = find_holes(mesh)
+    (region,) = influence_regions(mesh, [hole.loops])
     return region, sharp_edge_graph(region)
 
 

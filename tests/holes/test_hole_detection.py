@@ -7,12 +7,13 @@ from hole_cases import sheet, without_faces_near, without_squares
 from bezier_filters import boundary_loops, fill_holes, triangle_mesh, vertex_adjacency
 from bezier_filters.holes.hole_detection import Hole, find_holes, simple_loops
 from bezier_filters.meshes.half_edges import border_edges
+from bezier_filters.meshes.prepared_mesh import prepare_mesh
 from bezier_filters.surfaces import bumpy_star, cylinder, punched_patch, sphere
 
 
 def holes_of(vertices, faces):
     mesh = triangle_mesh(vertices, faces)
-    return find_holes(mesh, vertex_adjacency(mesh))
+    return find_holes(prepare_mesh(mesh))
 
 
 def as_cycles(loops):

@@ -10,8 +10,8 @@ from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.holes.hole_detection import find_holes
 from bezier_filters.holes.influence_region import influence_regions
 from bezier_filters.holes.smooth_fill import fit_surrounding_surface
-from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import triangle_mesh
+from bezier_filters.meshes.prepared_mesh import prepare_mesh
 from bezier_filters.surfaces import cylinder, punched_patch, sphere, torus, waves
 
 TOP = np.array([0.0, 0.0, 1.0])
@@ -47,10 +47,9 @@ def test_a_torus_is_continued(center):
 
 
 def surface_around_hole(vertices, faces, noisy):
-    mesh = triangle_mesh(vertices, faces)
-    adjacency = vertex_adjacency(mesh)
-    (hole,) = (hole for hole in find_holes(mesh, adjacency) if not hole.is_outer_rim)
-    (region,) = influence_regions(mesh, adjacency, [hole.loops])
+    mesh = prepare_mesh(triangle_mesh(vertices, faces))
+    (hole,) = (hole for hole in find_holes(mesh) if not hole.is_outer_rim)
+    (region,) = influence_regions(mesh, [hole.loops])
     normals = estimate_vertex_geometry(vertices, faces).normals[region.ids]
     return fit_surrounding_surface(region, normals, noisy=noisy)
 

@@ -11,17 +11,16 @@ from bezier_filters.errors import InvalidParameterError
 from bezier_filters.holes.hole_detection import find_holes
 from bezier_filters.holes.influence_region import influence_regions
 from bezier_filters.holes.planar_fill import _frames, lagrange_displacement, paper_fill
-from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import triangle_mesh
+from bezier_filters.meshes.prepared_mesh import prepare_mesh
 from bezier_filters.patches.patch_fit import PatchFit, fit_patch
 from bezier_filters.surfaces import cylinder, sphere, torus, waves
 
 
 def hole_around(vertices, faces, rings=2):
-    mesh = triangle_mesh(vertices, faces)
-    adjacency = vertex_adjacency(mesh)
-    hole = next(h for h in find_holes(mesh, adjacency) if not h.is_outer_rim)
-    (region,) = influence_regions(mesh, adjacency, [hole.loops], rings)
+    mesh = prepare_mesh(triangle_mesh(vertices, faces))
+    hole = next(h for h in find_holes(mesh) if not h.is_outer_rim)
+    (region,) = influence_regions(mesh, [hole.loops], rings)
     return region
 
 

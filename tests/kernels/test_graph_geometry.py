@@ -1,8 +1,11 @@
-"""Standard errors are those of the heights, propagated through the fit by differences."""
+"""Curvature and standard errors of a graph, by the textbook and by differences of the heights."""
 
 import numpy as np
 import pytest
-from graph_fits import fit_over_plane_z
+from fundamental_forms import fundamental_forms, gaussian_curvature, mean_curvature, principal_curvatures, unit_normals
+from graph_fits import fit_over_plane_z, geometry_of_graph
+from hypothesis import given
+from hypothesis import strategies as st
 
 from bezier_filters import PatchFit
 
@@ -38,3 +41,19 @@ def test_standard_errors_are_those_of_independent_heights(degree, slope):
     assert found.normal_std[0] == pytest.approx(SIGMA[0] * np.sqrt(sum(of_normal)), rel=1e-5)
     assert found.mean_curvature_std[0] == pytest.approx(SIGMA[1] * np.sqrt(of_mean), rel=1e-5)
     assert found.gaussian_curvature_std[0] == pytest.approx(SIGMA[1] * np.sqrt(of_gaussian), rel=1e-5)
+
+
+@given(st.tuples(*[st.floats(-3, 3)] * 5))
+def test_graph_formulas_of_the_kernel_agree_with_the_fundamental_forms(jet):
+    p, q, r, s, t = jet
+    result = geometry_of_graph([[0, q, t, 0], [p, s, 0, 0], [r, 0, 0, 0], [0, 0, 0, 0]])
+    du, dv, duu, duv, dvv = np.array([[1, 0, p], [0, 1, q], [0, 0, r], [0, 0, s], [0, 0, t]])[:, None]
+    forms = fundamental_forms(du, dv, duu, duv, dvv)
+    principal = principal_curvatures(du, dv, forms)
+    np.testing.assert_allclose(result.normal, unit_normals(du, dv)[0], atol=1e-12)
+    assert result.k_min == pytest.approx(principal.k_min[0], abs=1e-9)
+    assert result.k_max == pytest.approx(principal.k_max[0], abs=1e-9)
+    assert result.k_min + result.k_max == pytest.approx(2 * mean_curvature(forms)[0], abs=1e-9)
+    assert result.k_min * result.k_max == pytest.approx(gaussian_curvature(forms)[0], abs=1e-9)
+    if result.k_max - result.k_min > 1e-3:
+        assert abs(result.direction_max @ principal.direction_max[0]) == pytest.approx(1.0, abs=1e-6)

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.meshes import spatial_order
-from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import triangle_mesh
+from bezier_filters.meshes.prepared_mesh import prepare_mesh
 from bezier_filters.meshes.spatial_order import ensure_locality, sort_spatially
 from bezier_filters.runtime.parallel import use_threads
 from bezier_filters.smoothing.smooth import smooth
@@ -79,18 +79,15 @@ def test_turning_a_mesh_changes_nothing_that_is_learned_from_it():
     np.testing.assert_allclose(turned.normals, plain.normals @ turn.T, atol=1e-8)
 
 
-def in_turn(mesh):
-    return ensure_locality(mesh, vertex_adjacency(mesh))
-
-
 def test_vertices_are_put_level_by_level_only_where_neighbours_are_far_apart(monkeypatch):
     monkeypatch.setattr(spatial_order, "MIN_REORDER_VERTICES", 200)
     surface = torus(resolution=30)
     vertices, faces, _ = shuffled(surface.vertices, surface.faces)
     for kept in (triangle_mesh(surface.vertices, surface.faces), triangle_mesh(vertices, [])):
-        assert in_turn(kept).mesh is kept
-    mesh = triangle_mesh(vertices, faces)
-    ordered = in_turn(mesh)
+        prepared = prepare_mesh(kept)
+        assert ensure_locality(prepared).mesh is prepared
+    mesh = prepare_mesh(triangle_mesh(vertices, faces))
+    ordered = ensure_locality(mesh)
     assert as_set(ordered.mesh.vertices, ordered.mesh.faces) == as_set(mesh.vertices, mesh.faces)
     np.testing.assert_array_equal(ordered.restore_order(ordered.mesh.vertices), mesh.vertices)
     # no face is wider than two levels, each twice around the tube at most

@@ -18,6 +18,7 @@ from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.diagnosis import inspect_mesh
 from bezier_filters.meshes.half_edges import boundary_loops, distinct_edges, proper_faces
 from bezier_filters.meshes.mesh import MAX_COORDINATE, triangle_mesh
+from bezier_filters.meshes.prepared_mesh import prepare_mesh
 from bezier_filters.meshlab import topology as topology_module
 from bezier_filters.meshlab.converters import mesh_arrays
 from bezier_filters.meshlab.crease_filter import compute_selection_by_bezier_crease_per_edge
@@ -52,7 +53,7 @@ def compare(vertices, faces):
     edges, _, count = distinct_edges(proper_faces(mesh.faces), mesh.vertex_count)
     assert topology.not_manifold[edges[count > 2]].all()
     assert topology.not_manifold.sum() == len(np.unique(edges[count > 2])) + topology.counts["non_manifold_vertices"]
-    holes = find_holes(mesh, adjacency)
+    holes = find_holes(prepare_mesh(mesh))
     # more than two faces, or faces with another side up, at a border
     loops = None if any(hole.non_manifold_edges for hole in holes) else sum(len(hole.loops) for hole in holes)
     if topology.counts["boundary_loops_by"] == "pymeshlab":

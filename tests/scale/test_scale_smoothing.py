@@ -20,6 +20,7 @@ from bezier_filters.cli.commands import app
 from bezier_filters.errors import CancelledError
 from bezier_filters.meshes.adjacency import incoherent_vertices, vertex_adjacency
 from bezier_filters.meshes.mesh import triangle_mesh
+from bezier_filters.meshes.prepared_mesh import prepare_mesh
 from bezier_filters.scale import FitOptions, learn, smooth_file
 from bezier_filters.scale.components import label_vertices, merge_components
 from bezier_filters.scale.halo import tile_part
@@ -223,7 +224,7 @@ def test_closed_components_are_those_in_memory(seed, tile, tmp_path_factory):
         assert not incoherent_vertices(part.mesh.faces, adjacency)[part.own].any()
         write_tile(folder, TileReport(k, len(part.ids), {}), label_vertices(part, adjacency))
         tiles.append(open_tile(folder, k))
-    found, expected = merge_components(store, tiles), ClosedComponents.locate(mesh, vertex_adjacency(mesh))
+    found, expected = merge_components(store, tiles), ClosedComponents.locate(prepare_mesh(mesh))
     if not expected.count:
         assert found is None
         return
@@ -257,7 +258,7 @@ def test_sampled_parts_are_those_in_memory(size, shape, tmp_path, monkeypatch):
     store = build_store(
         open_source(save_arrays(tmp_path, mesh.vertices, mesh.faces)), tmp_path, 8192 * size // PART_VERTICES
     )
-    expected, found = mesh_parts.sample_parts(mesh, vertex_adjacency(mesh), (17,)), sample_store_parts(store, (17,))
+    expected, found = mesh_parts.sample_parts(prepare_mesh(mesh), (17,)), sample_store_parts(store, (17,))
     assert np.array_equal(found.core, expected.core)
     assert len(found.ids) < found.vertex_count == mesh.vertex_count
     for one, other in zip(

@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import norm
 
 from bezier_filters import estimate_vertex_geometry, smooth
-from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
+from bezier_filters.meshes.prepared_mesh import prepare_mesh
 from bezier_filters.smoothing.impulses import Impulses, has_settled, learn_impulses, remove_impulses
 from bezier_filters.smoothing.mesh_parts import sample_parts
 from bezier_filters.surfaces import bumpy_star, sphere, torus
@@ -17,10 +17,9 @@ from bezier_filters.surfaces import bumpy_star, sphere, torus
 
 @pytest.fixture(scope="module")
 def ball():
-    """A sphere, its mesh and neighbours."""
+    """A sphere and its mesh."""
     surface = sphere(resolution=30, jitter=0.2)
-    mesh = triangle_mesh(surface.vertices, surface.faces)
-    return surface, mesh, vertex_adjacency(mesh)
+    return surface, prepare_mesh(triangle_mesh(surface.vertices, surface.faces))
 
 
 def mixture(count, share, hit, others, seed=0):
@@ -32,10 +31,10 @@ def mixture(count, share, hit, others, seed=0):
 
 def measured_at(ball, heights):
     """What is learned of heights in mean edges over a sphere."""
-    surface, mesh, adjacency = ball
+    surface, mesh = ball
     edge = mean_edge_of(mesh.vertices, mesh.faces)
     points = mesh.vertices + (edge * heights)[:, np.newaxis] * surface.normals
-    return learn_impulses(points, sample_parts(mesh, adjacency)), edge
+    return learn_impulses(points, sample_parts(mesh)), edge
 
 
 @pytest.mark.parametrize(("share", "hit", "others"), [(0.6, 0.6, 0.1), (0.05, 0.5, 0.05), (0.3, 0.2, 0.03)])
@@ -66,14 +65,14 @@ def test_what_lies_side_by_side_is_none(ball):
 
 @pytest.mark.parametrize("scale", [1e-30, 1e-3, 1e30])
 def test_lengths_have_no_unit(ball, scale):
-    surface, mesh, adjacency = ball
+    surface, mesh = ball
     heights, _ = mixture(mesh.vertex_count, 0.2, 0.02, 0.002)
     points, other = (
         mesh.vertices + heights[:, np.newaxis] * surface.normals,
         TriangleMesh(scale * mesh.vertices, mesh.faces),
     )
-    found = learn_impulses(points, sample_parts(mesh, adjacency))
-    scaled = learn_impulses(scale * points, sample_parts(other, adjacency))
+    found = learn_impulses(points, sample_parts(mesh))
+    scaled = learn_impulses(scale * points, sample_parts(prepare_mesh(other)))
     assert scaled.share == pytest.approx(found.share, rel=1e-6)
     assert scaled.impulse_sigma == pytest.approx(scale * found.impulse_sigma, rel=1e-6)
 
@@ -85,11 +84,11 @@ def test_probabilities_are_those_of_bayes():
 
 
 def test_vertices_that_were_hit_go_onto_the_surface(ball):
-    surface, mesh, adjacency = ball
+    surface, mesh = ball
     heights, is_hit = mixture(mesh.vertex_count, 0.1, 0.5, 0.001)
     is_hit &= np.abs(heights) > 0.1
     points = mesh.vertices + heights[:, np.newaxis] * surface.normals
-    found = remove_impulses(points, mesh, adjacency, Impulses(0.1, 0.5, 0.001, tangential_sigma=0.5))
+    found = remove_impulses(points, mesh, Impulses(0.1, 0.5, 0.001, tangential_sigma=0.5))
     assert np.abs(found - mesh.vertices)[is_hit].max() < 1e-12
     sound = np.abs(heights) < 0.002
     assert np.abs(found - points)[sound].max() < 0.001
@@ -99,23 +98,25 @@ def test_vertices_that_were_hit_go_onto_the_surface(ball):
 
 @pytest.mark.parametrize(("along", "least", "most"), [(True, 0.0, 0.25), (False, 0.75, 1.25)])
 def test_impulses_along_the_normals_are_told_from_others(ball, along, least, most):
-    surface, mesh, adjacency = ball
+    surface, mesh = ball
     edge, (heights, is_hit) = mean_edge_of(mesh.vertices, mesh.faces), mixture(mesh.vertex_count, 0.2, 0.5, 0.02)
     moves = heights[:, np.newaxis] * surface.normals
     if not along:
         moves = np.where(is_hit[:, np.newaxis], np.random.default_rng(2).normal(scale=0.5, size=moves.shape), moves)
-    found = learn_impulses(mesh.vertices + edge * moves, sample_parts(mesh, adjacency))
+    found = learn_impulses(mesh.vertices + edge * moves, sample_parts(mesh))
     assert least <= found.tangential_sigma / found.impulse_sigma < most
 
 
 def test_impulses_along_the_normals_do_not_slide(ball):
     """On a smooth mesh that has slid away they go back to where their normals lead; sound vertices stay."""
-    surface, mesh, adjacency = ball
+    surface, mesh = ball
     edge, (heights, is_hit) = mean_edge_of(mesh.vertices, mesh.faces), mixture(mesh.vertex_count, 0.1, 0.5, 0.001)
     is_hit &= np.abs(heights) > 0.1
     points = mesh.vertices + (edge * heights)[:, np.newaxis] * surface.normals
     slid = Rotation.from_rotvec([0.0, 0.0, 0.3 * edge]).apply(mesh.vertices)
-    found = remove_impulses(points, TriangleMesh(slid, mesh.faces), adjacency, Impulses(0.1, 0.5 * edge, 0.01 * edge))
+    found = remove_impulses(
+        points, prepare_mesh(TriangleMesh(slid, mesh.faces)), Impulses(0.1, 0.5 * edge, 0.01 * edge)
+    )
 
     def along_surface(where):
         off = (where - mesh.vertices)[is_hit]
@@ -149,7 +150,7 @@ def test_other_noise_is_smoothed_once(monkeypatch):
     shape = torus(resolution=20, jitter=0.2)
     learned = []
     monkeypatch.setattr(
-        "bezier_filters.smoothing.denoise_with_outliers.learn_impulses",
+        "bezier_filters.smoothing.rounds.learn_impulses",
         lambda *arguments: learned.append(learn_impulses(*arguments)) or learned[-1],
     )
     place = shape.vertices[:, 0] - shape.vertices[:, 0].min()

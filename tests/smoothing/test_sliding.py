@@ -5,8 +5,8 @@ import pytest
 from numba import config
 
 from bezier_filters import InvalidParameterError, smooth
-from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import triangle_mesh
+from bezier_filters.meshes.prepared_mesh import prepare_mesh
 from bezier_filters.scale import FitOptions, smooth_file
 from bezier_filters.smoothing.sliding import MAX_MOVE_EDGES, TangentialMotion, restrict_to_normals
 from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, torus
@@ -66,7 +66,7 @@ def test_no_vertex_is_flung(sliding):
         np.maximum.at(longest, ends, edges)
     lengths = np.where(np.arange(mesh.vertex_count) % 7 == 0, 10.0, 0.02)[:, np.newaxis] * longest[:, np.newaxis]
     points = mesh.vertices + rng.choice([-1.0, 1.0], lengths.shape) * lengths * surface.normals
-    held = restrict_to_normals(mesh, vertex_adjacency(mesh), points, sliding)
+    held = restrict_to_normals(prepare_mesh(mesh), points, sliding)
     moved = np.linalg.norm(held - mesh.vertices, axis=1)
     assert (moved <= MAX_MOVE_EDGES * longest * (1 + 1e-12)).all()
     if sliding == TangentialMotion.ALL:

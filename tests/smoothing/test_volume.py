@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
+from bezier_filters.meshes.prepared_mesh import prepare_mesh
 from bezier_filters.smoothing.volume import (
     ClosedComponents,
     component_volumes,
@@ -16,7 +16,7 @@ from bezier_filters.surfaces import block_with_sharp_edges, sphere, waves
 
 
 def components_of(mesh):
-    return ClosedComponents.locate(mesh, vertex_adjacency(mesh))
+    return ClosedComponents.locate(prepare_mesh(mesh))
 
 
 def volumes_of(mesh):
@@ -115,5 +115,5 @@ def test_vertices_follow_their_surroundings_by_an_edge_at_most():
     """A fan with long edges on one side: its short side does not follow what the tip of the long one does."""
     vertices = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-100.0, 0.0, 0.0], [-100.0, 1.0, 0.0]]
     mesh = triangle_mesh(vertices, [[0, 1, 2], [0, 2, 3], [2, 4, 3]])
-    amounts = local_movement(mesh, vertex_adjacency(mesh), mesh.vertices + np.array([0.0, 0.0, 50.0]))
+    amounts = local_movement(prepare_mesh(mesh), mesh.vertices + np.array([0.0, 0.0, 50.0]))
     assert amounts == pytest.approx([50.0, np.sqrt(2.0), 50.0, 50.0, 50.0])

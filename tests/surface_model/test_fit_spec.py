@@ -7,6 +7,7 @@ import pytest
 from random_neighbourhoods import analyse_ring, as_sample, draw, fit_stars, variances_by_degree
 
 from bezier_filters import FitStatus, estimate_vertex_geometry
+from bezier_filters.noise.noise_model import NoiseModel, ring_noise
 from bezier_filters.surface_model import fit_spec as fit_spec_module
 from bezier_filters.surface_model.fit_spec import (
     MIN_ERROR_DROP,
@@ -21,7 +22,6 @@ from bezier_filters.surface_model.fit_spec import (
     specs_to_first_minimum,
 )
 from bezier_filters.surface_model.model import RingModel, SurfaceModel
-from bezier_filters.noise.noise_model import NoiseModel, ring_noise
 from bezier_filters.surface_model.quartic_mean import zero_quartic_mean
 from bezier_filters.surfaces import height_field, sphere
 

@@ -1,17 +1,15 @@
 """Noise that turns single normals is told from thin parts and sharp edges, whose normals turn away, too."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from numba import config
 from scanner_noise import in_all_directions
 
 from bezier_filters import estimate_vertex_geometry
-from bezier_filters.fitting.adaptive_fit import _region_fit
+from bezier_filters.fitting.mesh_neighbourhoods import MeshNeighbourhoods
 from bezier_filters.kernels.kernel_input import prepare_kernel_mesh
 from bezier_filters.meshes.mesh import triangle_mesh
-from bezier_filters.surface_model.fit_spec import FitConstraints
+from bezier_filters.surface_model.fit_options import FitOptions
 from bezier_filters.surface_model.learn import CANDIDATE_RINGS, learn_surface
 from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, ellipsoid, sphere, torus
 
@@ -19,8 +17,8 @@ pytestmark = pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long witho
 
 
 def noise_of(vertices, faces):
-    arrays, adjacency = prepare_kernel_mesh(triangle_mesh(vertices, faces), creases=True)
-    return learn_surface(arrays, adjacency, FitConstraints())[1].surface.noise
+    arrays = prepare_kernel_mesh(triangle_mesh(vertices, faces), creases=True)
+    return learn_surface(MeshNeighbourhoods(arrays), FitOptions()).surface.noise
 
 
 def flattened(surface, factor):
@@ -60,15 +58,15 @@ def curvature_error(surface, geometry):
     return np.sqrt(np.square(geometry.mean_curvature - surface.mean_curvature).mean())
 
 
-@pytest.mark.parametrize("rings", [None, 3, 7])
+@pytest.mark.parametrize("rings", ["auto", 3, 7])
 def test_every_ring_is_analysed_once_and_the_wanted_one_in_any_case(rings):
     surface = SURFACES["ellipsoid"]
     noisy = in_all_directions(surface.vertices, surface.faces, 0.1)
-    arrays, adjacency = prepare_kernel_mesh(triangle_mesh(noisy, surface.faces), creases=True)
-    found = [analysis.rings for analysis in learn_surface(arrays, adjacency, FitConstraints(rings=rings))[0]]
+    arrays = prepare_kernel_mesh(triangle_mesh(noisy, surface.faces), creases=True)
+    found = [analysis.rings for analysis in learn_surface(MeshNeighbourhoods(arrays), FitOptions(rings=rings)).analyses]
     assert found == sorted(set(found))
     assert set(range(1, 6)) < set(found) <= {*CANDIDATE_RINGS, rings}
-    assert rings is None or rings in found
+    assert rings == "auto" or rings in found
 
 
 @each_surface
@@ -82,15 +80,3 @@ def test_curvature_survives_heavy_noise(surface, options):
     plain = estimate_vertex_geometry(vertices, surface.faces, rings=5, degree=2, alpha=1.0)
     assert curvature_error(surface, geometry) < 0.5 * curvature_error(surface, plain)
     assert np.einsum("ij,ij->i", geometry.normals, surface.normals).min() > 0.0
-
-
-@pytest.mark.parametrize("exact", ["normal_noise", "curvature_noise"])
-def test_parts_of_a_surface_that_is_exact_elsewhere_have_fits_of_their_own(exact):
-    """Standard errors of 0, as a flat whole has, are no unit for those of a part."""
-    surface = bumpy_star(resolution=12, jitter=0.2)
-    arrays, adjacency = prepare_kernel_mesh(triangle_mesh(surface.vertices, surface.faces), creases=True)
-    leaf = learn_surface(arrays, adjacency, FitConstraints())[1]
-    assert not _region_fit(leaf, leaf).attempts
-    part = _region_fit(replace(leaf, chosen=replace(leaf.chosen, **{exact: 0.0})), leaf)
-    assert part.attempts
-    assert not np.isfinite(part.error_ratios).any()

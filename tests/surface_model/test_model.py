@@ -1,6 +1,5 @@
 """What is learned from the data, against data whose noise and shape are known."""
 
-import re
 from dataclasses import replace
 from functools import cache
 
@@ -10,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from random_neighbourhoods import analyse_ring, as_sample, draw, variances_by_degree
 
-from bezier_filters import InvalidParameterError, estimate_vertex_geometry
+from bezier_filters import estimate_vertex_geometry
+from bezier_filters.noise.noise_model import NoiseModel, ring_noise
 from bezier_filters.patches.harmonics import harmonic_basis
 from bezier_filters.patches.polynomials import total_degree_space
 from bezier_filters.surface_model.model import (
@@ -19,7 +19,6 @@ from bezier_filters.surface_model.model import (
     _term_variances,
     learn_surface_model,
 )
-from bezier_filters.noise.noise_model import NoiseModel, ring_noise
 from bezier_filters.surfaces import bumpy_star, ellipsoid, height_field, monkey_saddle, sphere, torus, waves
 
 SURFACES = {
@@ -114,27 +113,6 @@ def test_neighbourhoods_are_no_wider_than_the_detail():
         assert np.median(bounded.rings_used) <= max(size / 2.0, 2.0)
         fixed = estimate_vertex_geometry(vertices, ball.faces, detail=size * edge, alpha=0.8)
         assert fixed.fit.rings == bounded.fit.rings
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"detail": 0.0}, "detail: got 0.0, expected a positive length, or None"),
-        ({"detail": 0.1, "rings": 2}, "detail: rings determines the size of neighbourhoods already"),
-        ({"detail": 0.1, "radius": 2.0}, "detail: radius determines the size of neighbourhoods already"),
-        ({"noise": -1.0}, "noise: got -1.0, expected a length of 0 or more, or None to learn it"),
-        ({"noise": "2%"}, "noise: got '2%', expected a length"),
-        ({"noise": np.nan}, "noise: got nan"),
-        ({"noise": True}, "noise: got True"),
-        ({"noise": 0.1, "rings": 2, "alpha": 0.8}, "noise: rings and alpha are given, so the noise has no effect"),
-        ({"noise": 0.1, "radius": 0.5, "alpha": 0.8}, "noise: radius and alpha are given"),
-        ({"noise": 0.1, "smoothness": "paper"}, "noise: rings and alpha are given"),
-    ],
-)
-def test_noise_and_detail_that_are_no_lengths_or_that_nothing_depends_on_are_refused(options, message):
-    ball = sphere(resolution=8)
-    with pytest.raises(InvalidParameterError, match=re.escape(message)):
-        estimate_vertex_geometry(ball.vertices, ball.faces, **options)
 
 
 @pytest.mark.parametrize("name", SURFACES)

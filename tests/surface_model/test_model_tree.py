@@ -2,13 +2,12 @@
 
 import numpy as np
 import pytest
-from numba import config
 from random_neighbourhoods import analyse_ring, as_sample, draw, variances_by_degree
 
-from bezier_filters import estimate_vertex_geometry, load_mesh
-from bezier_filters.meshlab.meshset import bunny_path
+from bezier_filters.noise.noise_model import NoiseModel
 from bezier_filters.patches.harmonics import harmonic_basis
-from bezier_filters.surface_model.fit_spec import FitConstraints, FitSpec
+from bezier_filters.surface_model.fit_options import FitOptions
+from bezier_filters.surface_model.fit_spec import FitSpec
 from bezier_filters.surface_model.model import SurfaceModel
 from bezier_filters.surface_model.model_tree import (
     MIN_SPLIT_SAMPLES,
@@ -20,21 +19,8 @@ from bezier_filters.surface_model.model_tree import (
     leaf_numbers,
     leaves,
 )
-from bezier_filters.noise.noise_model import NoiseModel
-from bezier_filters.surfaces import ellipsoid, sphere, torus
-from survivors import keep_survivors
 
 CALM, ROUGH = variances_by_degree(1e-4, 0.1), variances_by_degree(1.0, 0.3)
-
-
-def mean_edge_length(surface):
-    corners = surface.vertices[surface.faces]
-    return np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean()
-
-
-def with_noise(surface, levels, seed):
-    heights = levels * mean_edge_length(surface) * np.random.default_rng(seed).standard_normal(len(surface.vertices))
-    return surface.vertices + heights[:, np.newaxis] * surface.normals
 
 
 def grown(halves, features):
@@ -43,8 +29,8 @@ def grown(halves, features):
     order = np.random.default_rng(0).permutation(len(points))  # samples are drawn at random
     points, features = points[order], features[order]
     analysis = analyse_ring(as_sample(points), 3, len(points))
-    root = fit_leaf([analysis], FitConstraints())
-    return root, grow_tree(root, [analysis], lambda rows: features[rows], FitConstraints())
+    root = fit_leaf([analysis], FitOptions())
+    return root, grow_tree(root, np.arange(len(features)), features, FitOptions())
 
 
 def two_kinds(variances, sigmas):
@@ -88,7 +74,7 @@ def test_splits_gain_the_same_whichever_side_comes_first_and_lose_nothing():
     points = np.concatenate([drawn.points for drawn in two_kinds((CALM, ROUGH), (0.01, 0.1))])
     analysis = analyse_ring(as_sample(points), 3, len(points))
     features = np.column_stack([NOISE, -NOISE, IS_SECOND + 0.1 * NOISE])
-    splits = list(_candidates(fit_leaf([analysis], FitConstraints()), [analysis], lambda rows: features[rows]))
+    splits = list(_candidates(fit_leaf([analysis], FitOptions()), np.arange(len(features)), features))
     gains = [[gain for gain, feature, _ in splits if feature == k] for k in range(3)]
     np.testing.assert_allclose(gains[0], gains[1][::-1])
     assert min(map(min, gains)) >= 0.0
@@ -111,63 +97,3 @@ def test_leaves_are_numbered_from_left_to_right():
     features = np.array([[9.0, 5.0], [2.0, 6.0], [2.1, 6.0], [0.0, -1.0]])
     assert leaf_numbers(tree, features).tolist() == [0, 1, 2, 0]
     assert leaf_numbers(a, features).tolist() == [0, 0, 0, 0]
-
-
-@pytest.mark.parametrize(
-    "make", [lambda: torus(resolution=40, jitter=0.3), lambda: ellipsoid(resolution=30, jitter=0.3)]
-)
-def test_a_surface_with_two_kinds_of_noise_is_fitted_in_parts(make):
-    surface = make()
-    noisy = surface.vertices[:, 0] > 0
-    vertices = with_noise(surface, np.where(noisy, 0.05, 0.005), 1)
-    geometry = estimate_vertex_geometry(vertices, surface.faces)
-    parts = geometry.fit.parts
-    sigmas = np.array([part.noise_sigma for part in parts]) / mean_edge_length(surface)
-    assert sigmas.min() == pytest.approx(0.005, rel=0.15)
-    assert sigmas.max() == pytest.approx(0.05, rel=0.15)
-    assert sum(part.vertices for part in parts) == len(vertices)
-
-
-def test_a_surface_that_is_the_same_everywhere_is_mostly_fitted_in_one_piece():
-    count = 0
-    for surface in (sphere(resolution=16, jitter=0.3), torus(resolution=32, jitter=0.3)):
-        for seed in range(4):
-            geometry = estimate_vertex_geometry(with_noise(surface, 0.05, seed), surface.faces)
-            count += bool(geometry.fit.parts)
-    assert count <= 3
-
-
-def test_the_parts_do_not_depend_on_what_is_selected():
-    surface = torus(resolution=32, jitter=0.3)
-    vertices = with_noise(surface, np.where(surface.vertices[:, 0] > 0, 0.05, 0.005), 1)
-    whole = estimate_vertex_geometry(vertices, surface.faces, threads=1)
-    selected = surface.vertices[:, 1] > 0.3
-    part = estimate_vertex_geometry(vertices, surface.faces, selected=selected, threads=2)
-    assert whole.fit.parts
-    kinds = [(p.rings, p.degree, p.noise_sigma) for p in whole.fit.parts]
-    assert [(p.rings, p.degree, p.noise_sigma) for p in part.fit.parts] == kinds
-    assert sum(p.vertices for p in part.fit.parts) == selected.sum()
-    for name in ("k_min", "k_max", "normals", "mean_curvature_std", "rings_used", "status"):
-        np.testing.assert_array_equal(getattr(part, name)[selected], getattr(whole, name)[selected])
-    assert not part.k_max[~selected].any()
-
-
-@pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")
-@pytest.mark.parametrize(("deleted", "turned", "moved"), [(10, 1.0, 0.08), (30, 1.5, 0.13)])
-def test_a_scan_with_detail_as_long_as_its_noise_keeps_its_fit(deleted, turned, moved):
-    """Otherwise a few vertices less turn normals by degrees, and move H by a fifth."""
-    ms = load_mesh(bunny_path())
-    vertices, faces = ms.current_mesh().vertex_matrix(), ms.current_mesh().face_matrix()
-    used = np.unique(faces)
-    vertices, faces = vertices[used], np.searchsorted(used, faces).astype(np.int32)
-    survivors = np.ones(len(vertices), dtype=bool)
-    survivors[np.random.default_rng([1, deleted]).permutation(len(vertices))[: len(vertices) * deleted // 100]] = False
-    kept, reduced = keep_survivors(vertices, faces, survivors)
-    full, less = (estimate_vertex_geometry(*mesh) for mesh in ((vertices, faces), (vertices[kept], reduced)))
-    assert all((g.fit.rings, g.fit.degree) == (2, 3) for g in (full, less))
-    others = [p for g in (full, less) for p in g.fit.parts if (p.rings, p.degree) != (2, 3)]
-    assert sum(p.vertices for p in others) < 0.1 * len(less.normals)
-    cosines = np.einsum("nk,nk->n", full.normals[kept], less.normals)
-    assert np.degrees(np.arccos(np.clip(cosines, -1.0, 1.0))).mean() < turned
-    difference = np.abs(full.mean_curvature[kept] - less.mean_curvature).sum()
-    assert difference < moved * np.abs(full.mean_curvature[kept]).sum()

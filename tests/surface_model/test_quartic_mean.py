@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from random_neighbourhoods import analyse_ring, as_sample, draw, fit_stars, terms_at
 
+from bezier_filters.noise.noise_model import NoiseModel, ring_noise
 from bezier_filters.patches.harmonics import harmonic_basis
 from bezier_filters.surface_model.fit_spec import FitSpec
-from bezier_filters.noise.noise_model import NoiseModel, ring_noise
 from bezier_filters.surface_model.quartic_mean import (
     MIN_QUARTIC_FACTOR,
     QUARTIC,

@@ -30,7 +30,7 @@ def test_a_damaged_mesh_is_survived(check, seed):
     CHECKS[check](*mutated(seed))
 
 
-FUZZ = Path(__file__).parents[2] / "benchmarks" / "fuzz_files.py"
+FUZZ = Path(__file__).parents[2] / "tools" / "fuzz_files.py"
 
 # Named after the format and what its reader does with the file, and what that once did to the command line.
 FILES = {

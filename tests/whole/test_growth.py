@@ -12,6 +12,7 @@ import bezier_filters as bf
 from bezier_filters.holes.loops import _hull_corners, _longest_distance, diameter
 from bezier_filters.holes.refinement import MAX_FACES_PER_RIM_VERTEX, MIN_FACE_LIMIT, Fill, face_limit, refine
 from bezier_filters.holes.smooth_fill import _fairest_fill, initial_fill
+from bezier_filters.meshes.prepared_mesh import prepare_mesh
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 from growth import fan, islands, ring, soup, strip, touching_holes, wavy_ring
@@ -127,13 +128,12 @@ def test_a_large_fill_is_faired_at_a_resolution_that_memory_allows(monkeypatch):
     """It lies where the one at full resolution lies, and ends at the same rim."""
     from bezier_filters.holes import smooth_fill
     from bezier_filters.holes.influence_region import influence_regions
-    from bezier_filters.meshes.adjacency import vertex_adjacency
     from bezier_filters.meshes.mesh import triangle_mesh
 
     vertices, faces = wavy_ring(300)
     mesh = triangle_mesh(vertices, faces)
     rim = np.arange(300, dtype=np.int32)
-    region = influence_regions(mesh, vertex_adjacency(mesh), [(rim,)])[0]
+    region = influence_regions(prepare_mesh(mesh), [(rim,)])[0]
     fill = initial_fill(region)
     fine = _fairest_fill(fill, region, 3)
     monkeypatch.setattr(smooth_fill, "MAX_FAIRED_VERTICES", len(fill.points) // 3)

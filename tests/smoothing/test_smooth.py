@@ -6,50 +6,18 @@ import numpy as np
 import pytest
 from numba import config
 from scipy.sparse import csr_array
+from smoothing_cases import edge_of, mean_angle, noisy_block, with_noise
 
 from bezier_filters import CancelledError, InvalidParameterError, estimate_vertex_geometry, smooth
-from bezier_filters.meshes.adjacency import mean_edge, vertex_adjacency
+from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, sphere, torus, waves
 
 pytestmark = pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")
 
 
-def edge_of(vertices, faces):
-    mesh = triangle_mesh(vertices, faces)
-    return mean_edge(mesh, vertex_adjacency(mesh))
-
-
 def vertex_normals(vertices, faces):
     return estimate_vertex_geometry(vertices, faces, rings=1, alpha=1.0, degree=2).normals
-
-
-def face_normals(vertices, faces):
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    normals = np.cross(b - a, c - a)
-    return normals / np.linalg.norm(normals, axis=1, keepdims=True)
-
-
-def mean_angle(vertices, truth, faces):
-    """Between the normals of the faces, degrees."""
-    cosine = np.einsum("ij,ij->i", face_normals(vertices, faces), face_normals(truth, faces))
-    return np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))).mean()
-
-
-def with_noise(vertices, faces, normals, level, seed=0):
-    heights = np.random.default_rng(seed).standard_normal(len(vertices)) * level * edge_of(vertices, faces)
-    return vertices + normals * heights[:, np.newaxis]
-
-
-def noisy_block(resolution):
-    """Clean and noisy vertices and faces of a block with sharp edges."""
-    vertices, faces = block_with_sharp_edges(resolution=resolution, jitter=0.2)
-    directions = face_normals(vertices, faces)
-    normals = np.zeros_like(vertices)
-    for k in range(3):
-        np.add.at(normals, faces[:, k], directions)
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    return vertices, with_noise(vertices, faces, normals, 0.2), faces
 
 
 @pytest.fixture(scope="module")

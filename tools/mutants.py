@@ -1,10 +1,10 @@
 """Changes one place of the package at a time and asks whether the tests notice: `make mutants`.
 
-    python benchmarks/mutants.py --first 150
+    python tools/mutants.py --first 150
 
 The sample is a fixed order of all mutants of the modules below, by a hash of a seed and of the line that is changed,
 folders in turns; so it can be continued, and changes elsewhere do not move it. A run goes on where the table ends
-(benchmarks/results/mutants.csv). Mutations are those of cosmic-ray, one or two for each operator. Tests run in a copy
+(tools/results/mutants.csv). Mutations are those of cosmic-ray, one or two for each operator. Tests run in a copy
 of the tree, with the same examples each time: first those of the module, without the compiler where these are fast so,
 then the wider ones of its folder, files first that noticed most mutants of it so far. Caches of compiled code are
 shared, except those of the module and of all that it is compiled into. The note says which test noticed.
@@ -38,7 +38,7 @@ from cosmic_ray.mutating import mutate_code
 from cosmic_ray.plugins import get_operator
 
 ROOT = Path(__file__).parents[1]
-TABLE = ROOT / "benchmarks" / "results" / "mutants.csv"
+TABLE = ROOT / "tools" / "results" / "mutants.csv"
 COLUMNS = ("key", "module", "line", "mutation", "outcome", "seconds", "note")
 SEED = 1
 PATIENCE = {"own": 45.0, "wide": 300.0}
@@ -77,7 +77,7 @@ SPEED = re.compile(
 """Lines that say how fast or at what effort something is computed, not what."""
 
 OWN = {
-    "kernels": ["tests/test_differential_geometry.py", "tests/estimation/test_paper_mode.py"],
+    "kernels": ["tests/fitting/test_vertex_geometry.py", "tests/estimation/test_paper_mode.py"],
     "patches": ["tests/patches"],
     "surface_model": [],
     "holes": ["tests/holes/test_planar_fill.py"],
@@ -85,13 +85,17 @@ OWN = {
 }
 """Tests of modules that have no file of their own, by folder."""
 WIDE = {
-    "kernels": "kernels test_differential_geometry.py estimation/test_estimation.py estimation/test_extremality.py "
+    "kernels": "kernels fitting/test_vertex_geometry.py fitting/test_fallbacks.py fitting/test_vertex_patch.py "
+    "estimation/test_estimate.py estimation/test_extremality.py "
     "estimation/test_robust.py estimation/test_paper_mode.py estimation/test_convergence.py",
     "patches": "patches estimation/test_paper_mode.py kernels surface_model/test_model_tree.py "
-    "surface_model/test_noise_model.py surface_model/test_ring_analysis.py estimation/test_extremality.py",
-    "surface_model": "surface_model smoothing/test_random_noise.py",
+    "fitting/test_adaptive_fit.py surface_model/test_noise_model.py surface_model/test_ring_analysis.py "
+    "estimation/test_extremality.py",
+    "surface_model": "surface_model fitting/test_adaptive_fit.py smoothing/test_random_noise.py "
+    "smoothing/test_denoise.py",
     "holes": "holes",
-    "meshes": "meshes feature_lines holes/test_hole_filling.py meshlab/test_topology.py estimation/test_estimation.py",
+    "meshes": "meshes feature_lines holes/test_hole_filling.py meshlab/test_topology.py estimation/test_estimate.py "
+    "fitting/test_fallbacks.py",
 }
 """Tests that must pass, too, before a mutant counts as one that survived."""
 PLAIN = ("lane_algebra", "fit_frames", "adjacency", "frames", "half_edges", "neighbourhoods", "self_intersections")
@@ -207,7 +211,8 @@ def names_at_import(tree: ast.Module) -> set[str]:
 
 def importers(tree: Path) -> dict[Path, set[Path]]:
     """Files whose compiled code may depend on a file: they import such a thing of it, and so on; with itself."""
-    files = [path for folder in ("bezier_filters", "tests", "benchmarks") for path in (tree / folder).rglob("*.py")]
+    folders = "bezier_filters", "tests", "benchmarks", "tools"
+    files = [path for folder in folders for path in (tree / folder).rglob("*.py")]
     trees = {path: ast.parse(path.read_text(encoding="utf-8")) for path in files}
     offered = {path: compiled_names(parsed) for path, parsed in trees.items()}
     direct = defaultdict(set)
@@ -218,7 +223,7 @@ def importers(tree: Path) -> dict[Path, set[Path]]:
                 parts = node.module.split(".")
                 for target in (
                     tree.joinpath(*parts).with_suffix(".py"),
-                    *(tree / f / f"{parts[-1]}.py" for f in ("tests/helpers", "benchmarks")),
+                    *(tree / f / f"{parts[-1]}.py" for f in ("tests/helpers", "benchmarks", "tools")),
                 ):
                     taken = {alias.name for alias in node.names}
                     if taken & offered.get(target, set()) or {a.asname or a.name for a in node.names} & early:

@@ -3,7 +3,7 @@
 Every batch of mutations runs in a process of its own, so that a crash in compiled code, or in pymeshlab, is seen
 and counted; the batch goes on after it. What must hold is in tests/helpers/invariants.py, the damage in
 tests/helpers/mesh_mutations.py; one mesh of twenty has rows that no mesh has, which must be refused. Failures are
-printed with their seed: `python benchmarks/fuzz.py --seed N` repeats one.
+printed with their seed: `python tools/fuzz.py --seed N` repeats one.
 """
 
 import argparse
@@ -18,7 +18,8 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "helpers"))
+ROOT = Path(__file__).parents[1]
+sys.path[:0] = [str(ROOT / "tests" / "helpers"), str(ROOT / "benchmarks")]
 
 BATCH = 500
 PATIENCE = 120.0

@@ -18,12 +18,19 @@ from random_neighbourhoods import (
 )
 from scipy.linalg import sqrtm
 
+from bezier_filters.noise.noise_model import (
+    HIDDEN_RANGE_FACTOR,
+    MAX_UNDERESTIMATION,
+    NoiseModel,
+    pairwise_squared_distances,
+    rescale_noise,
+    ring_noise,
+)
 from bezier_filters.patches.harmonics import harmonic_basis
+from bezier_filters.sampling.ring_analysis import COMPARISON_SAMPLE_SIZE, NOISE_SAMPLE_SIZE
 from bezier_filters.surface_model.fit_spec import candidate_specs
 from bezier_filters.surface_model.model import RingModel, SurfaceModel
-from bezier_filters.noise.noise_model import NoiseModel, pairwise_squared_distances, ring_noise
 from bezier_filters.surface_model.quartic_mean import zero_quartic_mean
-from bezier_filters.sampling.ring_analysis import COMPARISON_SAMPLE_SIZE, NOISE_SAMPLE_SIZE
 
 BASIS = harmonic_basis()
 SIZE = 40  # points of a 3-ring
@@ -257,3 +264,19 @@ def test_distances_are_those_of_all_pairs():
     points = np.random.default_rng(0).standard_normal((3, 6, 3))
     expected = [[[np.sum((p - q) ** 2) for q in one] for p in one] for one in points]
     np.testing.assert_allclose(pairwise_squared_distances(points), expected, atol=1e-12)
+
+
+def test_noise_of_known_strength_is_as_alike_as_was_learned():
+    """Up to what may be a mistake; beyond it the shape of what was seen stays, and the rest is longer."""
+    learned = NoiseModel(0.2, (0.5, 0.3), (0.7, 2.0))
+    for strength in (0.1, 1.0, MAX_UNDERESTIMATION, 2.0 * MAX_UNDERESTIMATION):
+        found = rescale_noise(learned, strength * learned.sigma)
+        assert found.sigma == pytest.approx(strength * learned.sigma)
+        assert found.lengths[:2] == learned.lengths
+        seen = replace(found, sills=found.sills[:2], lengths=found.lengths[:2])
+        assert seen.white / seen.variance == pytest.approx(learned.white / learned.variance)
+        assert seen.sigma == pytest.approx(min(strength, MAX_UNDERESTIMATION) * learned.sigma)
+        assert found.lengths[2:] == (
+            (HIDDEN_RANGE_FACTOR * max(learned.lengths),) if strength > MAX_UNDERESTIMATION else ()
+        )
+    assert rescale_noise(NoiseModel(2.0), 3.0) == rescale_noise(None, 3.0) == NoiseModel(9.0, given=True)

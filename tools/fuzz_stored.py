@@ -5,7 +5,7 @@ emptied, cut short, changed in one bit or exchanged: estimates, smoothing and fi
 nothing may be said but which kernels are compiled, and the next run must find all entries. One bit is changed in the
 store of a run in tiles, which must end with the result of a whole one or name the file. One bit is changed in the
 input of a batch, under its old time, or in the records of the batch: the results must be those of the files as they
-are, or the table must say why not. `python benchmarks/fuzz_stored.py --seed N` repeats one.
+are, or the table must say why not. `python tools/fuzz_stored.py --seed N` repeats one.
 """
 
 import argparse
@@ -22,7 +22,8 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "helpers"))
+ROOT = Path(__file__).parents[1]
+sys.path[:0] = [str(ROOT / "tests" / "helpers"), str(ROOT / "benchmarks")]
 
 PATIENCE = 300
 """Seconds for one run, which may have to compile every kernel."""

@@ -1,6 +1,6 @@
 """Times of this tree next to those of another commit, in turns, so that what else the machine does falls on both.
 
-    python benchmarks/commits.py --old v0.1.0
+    python tools/commits.py --old v0.1.0
 
 Every round starts a process for each tree, which calls everything once before the clock runs, and takes the best of
 some calls. Seconds are wall clock with two threads; the best of all rounds counts.

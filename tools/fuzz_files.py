@@ -8,7 +8,7 @@ reported in plain words.
 A quarter of the files are built with one damage, or oddly spelt (tests/helpers/misleading_files.py), so that their
 contents are known: rows without finite coordinates or numbers, corners that are no vertices, wrong counts, missing
 ends. Of these status 0 means that every row is in the output, in its place.
-`python benchmarks/fuzz_files.py --seed N` repeats one.
+`python tools/fuzz_files.py --seed N` repeats one.
 """
 
 import argparse
@@ -21,7 +21,8 @@ import traceback
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "helpers"))
+ROOT = Path(__file__).parents[1]
+sys.path[:0] = [str(ROOT / "tests" / "helpers"), str(ROOT / "benchmarks")]
 
 PATIENCE = 120
 """Seconds of processor time for one file."""

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from numba import config
-from scanner_noise import along_normals, ball_with_a_narrow_ring, mean_edge_of
+from scanner_noise import along_normals, mean_edge_of
 
 from bezier_filters import FitStatus, estimate_vertex_geometry
 from bezier_filters.surfaces import bumpy_star, ellipsoid, torus
@@ -46,40 +46,6 @@ def test_averaged_noise_takes_a_wider_fit_than_white_noise_and_has_larger_errors
     )
     assert ratio > 1.3
     assert ratio == pytest.approx(np.sqrt(truth), rel=0.25)
-
-
-@pytest.mark.parametrize("level", [0.05, 0.1])
-def test_a_part_too_narrow_for_the_fit_of_all_has_a_fit_of_its_own(level):
-    """Rings that suit the ball reach around the tube of the ring; there normals are as if the ring were alone."""
-    vertices, faces, normals, is_narrow = ball_with_a_narrow_ring(level)
-    together = estimate_vertex_geometry(vertices, faces)
-    alone = estimate_vertex_geometry(vertices[is_narrow], faces[is_narrow[faces].all(axis=1)] - (~is_narrow).sum())
-    cosines = [(normals[is_narrow] * found).sum(axis=1) for found in (together.normals[is_narrow], alone.normals)]
-    errors = [np.arccos(np.minimum(cosine, 1.0)).mean() for cosine in cosines]
-    assert errors[0] < 1.3 * errors[1]
-    assert together.fit.parts[-1].vertices == pytest.approx(is_narrow.sum(), rel=0.1)
-    assert together.fit.parts[-1].rings < together.fit.rings
-
-
-def test_the_fit_of_a_narrow_part_does_not_depend_on_what_is_selected():
-    vertices, faces, _, is_narrow = ball_with_a_narrow_ring(0.1)
-    whole, some = (estimate_vertex_geometry(vertices, faces, selected=mask) for mask in (None, is_narrow))
-    np.testing.assert_array_equal(some.k_max[is_narrow], whole.k_max[is_narrow])
-
-
-@pytest.mark.parametrize("levels", [(0.02, 0.2), (0.05, 0.5)])
-def test_ten_times_the_noise_at_a_few_vertices_is_smoothed_there_and_the_rest_is_as_without_it(levels):
-    """Among what the fit of all does not follow, curved places are told from the noisy ones."""
-    surface = ellipsoid(resolution=30, jitter=0.3)
-    is_noisy = surface.vertices[:, 0] < np.quantile(surface.vertices[:, 0], 0.03)
-    generator, edge = np.random.default_rng(3), mean_edge_of(surface.vertices, surface.faces)
-    heights = generator.normal(size=len(is_noisy)) * np.where(is_noisy, levels[1], levels[0]) * edge
-    geometry = estimate_vertex_geometry(surface.vertices + heights[:, np.newaxis] * surface.normals, surface.faces)
-    cosines = np.einsum("ij,ij->i", geometry.normals, surface.normals)
-    angles = np.degrees(np.arccos(np.clip(cosines, -1.0, 1.0)))
-    noisy, rest = (np.sqrt(np.square(angles[part]).mean()) for part in (is_noisy, ~is_noisy))
-    assert noisy < 4.0
-    assert rest < 1.2
 
 
 def test_coarse_detail_under_noise_is_not_noise():
