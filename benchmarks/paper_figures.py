@@ -20,13 +20,10 @@ import html
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
-import pymeshlab
 
 import bezier_filters as bf
 import reduction
@@ -34,94 +31,23 @@ from baselines import adaptive_gaussian_smoothing
 from bezier_filters import surfaces
 from bezier_filters.display import color_range, round_limits
 from bezier_filters.holes.influence_region import farthest_point_sample
-from bezier_filters.holes.loops import vector_area
 from bezier_filters.patches.bernstein import design_matrix
 from bezier_filters.patches.smoothness import smoothness_matrix
-from cut_holes import normals
 from paper_deviations import PAPER, WHEEL, deviations
+from paper_hole_figures import figure_9, figure_10
+from paper_models import FAN, OLD, Found, Where, flat, joined
 from peers import ours, ouyang_feng, razdan_bae
 from smoothing import Case, scores, with_noise
 from smoothing_peers import implicit_fairing, volume
-from sub_holes import load, random_holes
+from sub_holes import load
 
 ROOT = Path(__file__).parents[1]
-FAN = ROOT / "sample_meshes" / "fan.ply"
 TABLE_NOISE = 0.05
 """Of the tables, standard deviation in mean edges."""
 PAPERS_VOLUME = 0.9936
 """Volume ratio that the paper gives for its cat."""
-OLD, NEW = (0.75, 0.75, 0.75), (1.0, 0.6, 0.2)
-RED, BLUE, BACK = (0.85, 0.1, 0.1), (0.1, 0.25, 0.8), (0.45, 0.6, 0.75)
+RED, BLUE = (0.85, 0.1, 0.1), (0.1, 0.25, 0.8)
 NO_MODELS = "Other models stand in for its fandisk, dragon and Stanford bunny; make paper MODELS=folder takes these."
-FORMATS = (".obj", ".off", ".ply", ".stl")
-MAX_PAGE_FACES = 100_000
-"""Faces of a model, beyond which it is simplified to so many: twice as many take twice the time of Figure 8."""
-
-
-class Found(NamedTuple):
-    """What is shown of a figure or table."""
-
-    title: str
-    picture: Path | None
-    rows: list[dict[str, object]]
-    note: str = ""
-
-
-class Model(NamedTuple):
-    """A mesh and its name."""
-
-    name: str
-    vertices: np.ndarray
-    faces: np.ndarray
-    is_found: bool = True
-    """Whether it is the model that was asked for, not a stand-in."""
-
-
-class Where(NamedTuple):
-    """Folder that pictures are written to, and that of models, if there is one."""
-
-    out: Path
-    models: Path | None
-
-    def model(self, name: str, words: tuple[str, ...], stand_in: Path) -> Model:
-        """The mesh whose file name has the first of some words, the shortest such name; else one that stands in."""
-        files = [] if self.models is None else [p for p in self.models.rglob("*") if p.suffix.lower() in FORMATS]
-        paths = next(filter(None, ([p for p in files if word in p.stem.lower()] for word in words)), [])
-        if not paths:
-            return Model(f"{stand_in.stem} in the place of the {name}", *load(stand_in), is_found=False)
-        path = min(paths, key=lambda p: (len(p.name), p))
-        meshset = pymeshlab.MeshSet()
-        meshset.load_new_mesh(str(path))
-        count = meshset.current_mesh().face_number()
-        if count > MAX_PAGE_FACES:
-            meshset.meshing_decimation_quadric_edge_collapse(targetfacenum=MAX_PAGE_FACES)
-            name += f", {MAX_PAGE_FACES:,} of {count:,} faces"
-        mesh = meshset.current_mesh()
-        return Model(name, mesh.vertex_matrix(), mesh.face_matrix().astype(np.int32))
-
-
-def flat(vertices: np.ndarray, faces: np.ndarray, title: str, new: np.ndarray | None = None) -> bf.Panel:
-    """A mesh drawn face by face, new faces in orange."""
-    directions = normals(vertices, faces)
-    level = directions @ [0.3, 0.5, 0.8] / np.maximum(np.linalg.norm(directions, axis=1), 1e-300)
-    is_new = np.zeros(len(faces), dtype=bool) if new is None else new
-    colors = np.where(is_new[:, None], NEW, OLD) * (0.65 + 0.35 * np.abs(level)[:, None])
-    corners = np.ascontiguousarray(vertices[faces].reshape(-1, 3))
-    separate = np.arange(faces.size, dtype=np.int32).reshape(-1, 3)
-    return bf.Panel(corners, separate, colors=np.repeat(np.minimum(colors, 1.0), 3, axis=0), title=title)
-
-
-def joined(path: Path, pictures: list[Path], *, axis: int = 0) -> None:
-    """Pictures below one another (axis 0) or side by side (1), on white; they are deleted."""
-    from matplotlib.image import imread, imsave
-
-    images = [imread(picture)[..., :3] for picture in pictures]
-    longest = max(image.shape[1 - axis] for image in images)
-    sides = [((0, longest - i.shape[0]), (0, 0)) if axis else ((0, 0), (0, longest - i.shape[1])) for i in images]
-    padded = [np.pad(i, (*side, (0, 0)), constant_values=1.0) for i, side in zip(images, sides, strict=True)]
-    for picture in pictures:
-        picture.unlink()
-    imsave(path, np.concatenate(padded, axis=axis))
 
 
 def eight_points() -> np.ndarray:
@@ -319,118 +245,6 @@ def figure_8(where: Where) -> Found:
     joined(where.out / "figure_8.png", pictures)
     title = "Figure 8: smoothing next to other methods, noise of 0.2 edges, mean angle between normals and clean ones"
     return Found(title, where.out / "figure_8.png", rows)
-
-
-class Window(NamedTuple):
-    """A part of a mesh that is drawn: within a radius of a centre (3,), seen against a direction (3,)."""
-
-    center: np.ndarray
-    radius: float
-    direction: np.ndarray
-
-
-class Fill(NamedTuple):
-    """A mesh before or after its holes are filled; faces of fills come last."""
-
-    way: str
-    vertices: np.ndarray
-    faces: np.ndarray
-    old_faces: int
-
-    def panel(self, window: Window | None = None) -> bf.Panel:
-        """The mesh, or the part of it within a window, with backs of faces in blue."""
-        vertices, faces, new = self.vertices, self.faces, np.arange(len(self.faces)) >= self.old_faces
-        if window is not None:
-            near = np.linalg.norm(vertices[faces].mean(axis=1) - window.center, axis=1) < window.radius
-            vertices, faces, new = vertices @ turn_to_viewer(window.direction).T, faces[near], new[near]
-        return replace(flat(vertices, faces, self.way, new), back=BACK)
-
-
-def filled(
-    name: str, vertices: np.ndarray, faces: np.ndarray, ways: dict[str, dict]
-) -> tuple[list[Fill], list[dict[str, object]]]:
-    """The mesh and its fills, and a row for each hole and way."""
-    fills, rows = [Fill("before", vertices, faces, len(faces))], []
-    for way, options in ways.items():
-        result = bf.fill_holes(vertices, faces, **options)
-        fills.append(Fill(way, result.vertices, result.faces, len(faces)))
-        rows += [
-            {
-                "mesh": name,
-                "way": way,
-                "edges of the rim": hole.edge_count,
-                "fill": hole.method or "left open",
-                "parts": hole.parts,
-                "new vertices": len(hole.new_vertices),
-                "rim angle [degrees]": hole.rim_dihedral,
-                "faces that cut others": hole.self_intersections,
-                "why": hole.reason,
-            }
-            for hole in result.holes
-            if not hole.is_outer_rim
-        ]
-    return fills, rows
-
-
-def figure_9(where: Where) -> Found:
-    """The holes of the Stanford bunny, filled by one patch each."""
-    stand_in = WHEEL / "bunny10k_textured.obj"
-    name, vertices, faces, is_found = where.model("Stanford bunny", ("stanford-bunny", "bun_zipper", "bunny"), stand_in)
-    ways: dict[str, dict] = {
-        "paper": {"method": "paper"},
-        "paper, no new vertices": {"method": "paper", "refine": False},
-        "automatic": {},
-    }
-    fills, rows = filled(name, vertices, faces, ways)
-    loops = bf.boundary_loops(bf.triangle_mesh(vertices, faces))
-    rim = vertices[max(loops, key=lambda loop: vertices[loop, 1].mean())]  # the bottom hides the highest one
-    window = Window(rim.mean(axis=0), 1.2 * np.linalg.norm(np.ptp(rim, axis=0)), -vector_area(rim))
-    path, pictures = where.out / "figure_9.png", [where.out / "figure_9_0.png", where.out / "figure_9_1.png"]
-    bf.render_panels(pictures[0], [f.panel() for f in fills], views=["bottom"], size=(430, 430), up="y", title=name)
-    bf.render_panels(pictures[1], [f.panel(window) for f in fills], size=(430, 250), up="y", title="the hole inside")
-    joined(path, pictures)
-    patches = sum(row["way"] == "paper" and row["fill"] == "paper" for row in rows)
-    note = f"{patches} of {len(rows) // len(ways)} holes get the paper's patch."
-    if not is_found:
-        note += " This is the scan in 10,000 faces; the patch of the hole that gets none would cut faces around it."
-    return Found("Figure 9: the holes of the Stanford bunny", path, rows, note)
-
-
-def figure_10(where: Where) -> Found:
-    """A hole across two sharp edges: one patch, and a patch for each part that curves cut it into."""
-    name, vertices, faces, is_found = where.model("fandisk", ("fandisk",), FAN)
-    window = None
-    if is_found:
-        (case,) = random_holes(vertices, faces, 1, 4, seed=0)
-        faces, lost = case.faces, vertices[case.removed].reshape(-1, 3)
-        direction = normals(vertices, case.removed).sum(axis=0)
-        window = Window(lost.mean(axis=0), 0.8 * np.linalg.norm(np.ptp(lost, axis=0)), direction)
-    ways: dict[str, dict] = {
-        "one patch": {"method": "paper", "creases": False},
-        "a patch for each part": {"method": "paper"},
-        "automatic": {},
-    }
-    fills, rows = filled(name, vertices, faces, ways)
-    path = where.out / "figure_10.png"
-    if window is None:
-        panels = [fill.panel() for fill in fills]
-        bf.render_panels(path, panels, views=["iso", "back"], size=(420, 380), up="z", title=name)
-    else:
-        pictures = [where.out / "figure_10_0.png", where.out / "figure_10_1.png"]
-        whole = fills[0].panel(window._replace(radius=np.inf))
-        bf.render_panels(pictures[0], [replace(whole, title="")], size=(420, 420), up="y", title=name)
-        bf.render_panels(pictures[1], [fill.panel(window) for fill in fills], size=(420, 420), up="y")
-        joined(path, pictures)
-    note = "Curves across the hole continue the sharp edges that end at it; each part between them has a patch."
-    return Found("Figure 10: a hole across sharp edges", path, rows, note)
-
-
-def turn_to_viewer(direction: np.ndarray) -> np.ndarray:
-    """Rotation (3, 3) that turns a direction towards the viewer of the front view."""
-    z = direction / np.linalg.norm(direction)
-    x = np.cross(np.eye(3)[np.argmin(np.abs(z))], z)
-    x /= np.linalg.norm(x)
-    return np.array([x, np.cross(z, x), z])
 
 
 @cache

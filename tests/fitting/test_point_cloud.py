@@ -1,9 +1,8 @@
 """Estimates on points alone: their neighbours, their outside, and the accuracy next to the same points' mesh."""
 
-from collections import namedtuple
-
 import numpy as np
 import pytest
+from clouds import CLOSED, cloud_of, dots, noisy, points_on_sphere
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial import Delaunay
@@ -15,33 +14,7 @@ from bezier_filters import (
     triangle_mesh,
     vertex_adjacency,
 )
-from bezier_filters.fitting.point_cloud import point_cloud
-from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, ellipsoid, sphere, torus, waves
-
-CLOSED = {"sphere": sphere(jitter=0.3), "ellipsoid": ellipsoid(jitter=0.3), "torus": torus(jitter=0.3)}
-
-
-Cloud = namedtuple("Cloud", "adjacency planes")
-
-
-def cloud_of(points, normals=None):
-    return Cloud(*point_cloud(triangle_mesh(points, []), normals))
-
-
-def noisy(surface, edges, seed=0):
-    """The vertices with noise of so many mean edges."""
-    corners = surface.vertices[surface.faces]
-    edge = np.linalg.norm(corners[:, 0] - corners[:, 1], axis=1).mean()
-    return surface.vertices + edges * edge * np.random.default_rng(seed).normal(size=surface.vertices.shape)
-
-
-def dots(a, b):
-    return np.einsum("ij,ij->i", a, b)
-
-
-def points_on_sphere(n, seed=0):
-    points = np.random.default_rng(seed).normal(size=(n, 3))
-    return points / np.linalg.norm(points, axis=1, keepdims=True)
+from bezier_filters.surfaces import bumpy_star, ellipsoid, torus, waves
 
 
 class TestNeighbours:
@@ -80,59 +53,6 @@ class TestNeighbours:
         sheet = waves(resolution=40, jitter=0.3)
         expected = vertex_adjacency(triangle_mesh(sheet.vertices, sheet.faces)).on_boundary
         np.testing.assert_array_equal(cloud_of(sheet.vertices).adjacency.on_boundary, expected)
-
-
-class TestOutside:
-    @pytest.mark.parametrize("edges", [0.0, 0.1, 0.3, 0.5])
-    @pytest.mark.parametrize("surface", CLOSED.values(), ids=CLOSED)
-    def test_normals_of_closed_bodies_point_outward(self, surface, edges):
-        normals = cloud_of(noisy(surface, edges)).planes.normals
-        assert (dots(normals, surface.normals) > 0).all()
-        np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0)
-
-    def test_a_block_with_sharp_edges(self):
-        vertices, _ = block_with_sharp_edges()
-        center = vertices.mean(axis=0)
-        assert (dots(cloud_of(vertices).planes.normals, vertices - center) > 0).all()
-
-    def test_bodies_apart_are_turned_each_for_itself(self):
-        ball = points_on_sphere(2000)
-        normals = cloud_of(np.vstack([ball, 0.3 * ball[:500] + 5.0])).planes.normals
-        assert (dots(normals, np.vstack([ball, ball[:500]])) > 0).all()
-
-    def test_both_sides_of_a_plate_face_away_from_each_other(self):
-        rng = np.random.default_rng(0)
-        lattice = np.array(np.meshgrid(np.arange(30.0), np.arange(30.0))).reshape(2, -1).T
-        below, above = (
-            np.column_stack([lattice + rng.uniform(-0.3, 0.3, lattice.shape), np.full(len(lattice), z)])
-            for z in (0.0, 2.5)
-        )
-        z = cloud_of(np.vstack([below, above])).planes.normals[:, 2]
-        inner = np.tile(np.abs(lattice - 14.5).max(axis=1) < 13, 2)
-        assert (np.sign(z) == np.repeat([-1, 1], len(lattice)))[inner].all()
-
-    @pytest.mark.parametrize("axis", [0, 1, 2])
-    def test_sheets_look_along_the_axis_that_they_face(self, axis):
-        sheet = waves(resolution=30, jitter=0.3)
-        turned = np.roll(sheet.vertices, axis + 1, axis=1)  # z to the axis
-        assert (cloud_of(turned).planes.normals[:, axis] > 0).all()
-
-    def test_given_normals_decide(self):
-        surface = CLOSED["torus"]
-        before = estimate_vertex_geometry(surface.vertices, None)
-        inward = estimate_vertex_geometry(surface.vertices, None, normals=-0.1 * surface.normals)
-        np.testing.assert_allclose(inward.normals, -before.normals, atol=1e-9)
-        np.testing.assert_allclose(inward.k_max, -before.k_min, atol=1e-9)
-
-    def test_a_few_given_normals_turn_their_whole_part(self):
-        surface = CLOSED["sphere"]
-        given = np.zeros_like(surface.vertices)
-        given[::50] = -surface.normals[::50]
-        both = np.vstack([surface.vertices, surface.vertices + 5.0])
-        normals = cloud_of(both, np.vstack([given, np.zeros_like(given)])).planes.normals
-        outward = dots(normals, np.vstack([surface.normals, surface.normals]))
-        assert (outward[: len(given)] < 0).all()
-        assert (outward[len(given) :] > 0).all()
 
 
 ACCURACY = {

@@ -4,7 +4,13 @@ import numpy as np
 from surface_cases import border_edges, directed_edges
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.holes.fill_methods import HoleReport
+from bezier_filters.holes.hole_detection import find_holes
 from bezier_filters.holes.hole_filling import HoleFillingResult
+from bezier_filters.holes.influence_region import InfluenceRegion, influence_regions
+from bezier_filters.meshes.mesh import triangle_mesh
+from bezier_filters.meshes.prepared_mesh import prepare_mesh
+from bezier_filters.surfaces import block_with_sharp_edges
 
 
 def without_faces_near(vertices: FloatArray, faces: IntArray, center: FloatArray, radius: float) -> IntArray:
@@ -50,3 +56,28 @@ def assert_filled(vertices: FloatArray, faces: IntArray, result: HoleFillingResu
         assert hole.rim_error == 0.0
         assert hole.self_intersections == 0
         assert (hole.method == "") == (not hole.filled)
+
+
+def off_the_cube(points: FloatArray) -> FloatArray:
+    """Distance from the surface of the cube [-1/2, 1/2]^3 of points near it, (n,)."""
+    distances: FloatArray = np.abs(np.abs(points).max(axis=1) - 0.5)
+    return distances
+
+
+def cube(resolution: int = 24) -> tuple[FloatArray, IntArray]:
+    """A cube without the notch of the block: its corner at (-1/2, -1/2, -1/2) and what is near it."""
+    return block_with_sharp_edges(resolution=resolution)
+
+
+def filled_hole(result: HoleFillingResult) -> HoleReport:
+    """The only hole that was filled."""
+    (hole,) = [hole for hole in result.holes if hole.filled]
+    return hole
+
+
+def hole_around(vertices: FloatArray, faces: IntArray, rings: int = 2) -> InfluenceRegion:
+    """What surrounds the first hole of a mesh that is no outer rim."""
+    mesh = prepare_mesh(triangle_mesh(vertices, faces))
+    hole = next(h for h in find_holes(mesh) if not h.is_outer_rim)
+    (region,) = influence_regions(mesh, [hole.loops], rings)
+    return region

@@ -2,40 +2,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hole_cases import assert_filled, sheet, without_faces_near, without_squares
+from hole_cases import assert_filled, hole_around, sheet, without_faces_near, without_squares
 from plyfile import PlyData
 from scipy.spatial import Delaunay
 
 from bezier_filters import fill_holes
 from bezier_filters.errors import InvalidParameterError
-from bezier_filters.holes.hole_detection import find_holes
-from bezier_filters.holes.influence_region import influence_regions
 from bezier_filters.holes.planar_fill import _frames, lagrange_displacement, paper_fill
-from bezier_filters.meshes.mesh import triangle_mesh
-from bezier_filters.meshes.prepared_mesh import prepare_mesh
 from bezier_filters.patches.patch_fit import PatchFit, fit_patch
 from bezier_filters.surfaces import cylinder, sphere, torus, waves
-
-
-def hole_around(vertices, faces, rings=2):
-    mesh = prepare_mesh(triangle_mesh(vertices, faces))
-    hole = next(h for h in find_holes(mesh) if not h.is_outer_rim)
-    (region,) = influence_regions(mesh, [hole.loops], rings)
-    return region
-
-
-def test_rims_are_measured_by_their_faces():
-    """Gaps are what the angles of the faces leave of 2 pi, sizes the means of the edges at each vertex of a rim."""
-    shape = torus(resolution=20, jitter=0.3)
-    region = hole_around(shape.vertices, without_faces_near(shape.vertices, shape.faces, np.array([1.4, 0, 0]), 0.4))
-    for k in range(region.rim_count):
-        faces = region.faces[(region.faces == k).any(axis=1)]
-        to = region.vertices - region.vertices[k]
-        pairs = [[j for j in face.tolist() if j != k] for face in faces]
-        cosines = [to[i] @ to[j] / np.linalg.norm(to[i]) / np.linalg.norm(to[j]) for i, j in pairs]
-        assert region.gaps[k] == pytest.approx(2 * np.pi - np.arccos(cosines).sum())
-        lengths = np.linalg.norm(to[np.setdiff1d(faces, k)], axis=1)
-        assert region.sizes[k] == pytest.approx(lengths.mean())
 
 
 def test_a_plane_is_filled_with_its_delaunay_triangulation():

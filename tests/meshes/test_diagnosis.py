@@ -3,11 +3,11 @@
 import numpy as np
 import pymeshlab
 import pytest
-from bad_meshes import bow_tie, crossing_sheets, fins, moebius_strip, random_faces, turned_faces
+from bad_meshes import bow_tie, crossing_sheets, fins, random_faces, turned_faces
+from turned_meshes import BALL, findings, soup
 
 from bezier_filters import InvalidMeshError, diagnose, inspect_mesh, triangle_mesh
 from bezier_filters.meshes.diagnosis import is_fit
-from bezier_filters.surfaces import sphere
 
 TETRAHEDRON = ([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
 
@@ -52,55 +52,6 @@ def test_mean_edge_length_counts_each_edge_once():
 
 def test_without_edges_their_mean_length_is_zero():
     assert inspect_mesh(np.eye(3), []).mean_edge_length == 0.0
-
-
-BALL = sphere(resolution=8)
-
-
-def soup(vertices, faces):
-    """Triangles that share nothing."""
-    return vertices[faces].reshape(-1, 3), np.arange(faces.size).reshape(-1, 3)
-
-
-def turned(faces, which):
-    result = faces.copy()
-    result[which] = result[which, ::-1]
-    return result
-
-
-def findings(vertices, faces):
-    return "\n".join(diagnose(vertices, faces))
-
-
-@pytest.mark.parametrize("share", [0.1, 0.5, 0.7])
-@pytest.mark.parametrize("unwelded", [False, True])
-def test_flipped_faces_have_their_share(share, unwelded):
-    count = round(share * len(BALL.faces))
-    which = np.random.default_rng(0).permutation(len(BALL.faces))[:count]
-    mesh = BALL.vertices, turned(BALL.faces, which)
-    mesh = soup(*mesh) if unwelded else mesh
-    assert inspect_mesh(*mesh).flipped_faces == count
-    assert f"{count:,} of {len(BALL.faces):,} faces ({share:.0%}) are flipped" in findings(*mesh)
-
-
-def test_a_body_that_is_inside_out_is_named_and_a_cavity_is_not():
-    v, f, n = BALL.vertices, BALL.faces, len(BALL.vertices)
-    assert not diagnose(v, f)
-    assert "1 closed bodies are inside out" in findings(v, f[:, ::-1])
-    assert "1 closed bodies are inside out" in findings(*soup(v, f[:, ::-1]))
-    assert "1 closed bodies are inside out" in findings(np.vstack([v, v + 3.0]), np.vstack([f, f[:, ::-1] + n]))
-    assert not diagnose(np.vstack([v, 0.5 * v]), np.vstack([f, f[:, ::-1] + n]))
-    assert inspect_mesh(np.vstack([v, 0.5 * v]), np.vstack([f[:, ::-1], f + n])).inside_out_bodies == 1
-    # a body that lies only in the box around another one is in no cavity of it
-    corner = 0.1 * v + 0.85 * np.abs(v).max(axis=0)
-    assert inspect_mesh(np.vstack([v, corner]), np.vstack([f, f[:, ::-1] + n])).inside_out_bodies == 1
-
-
-def test_surfaces_with_a_border_or_one_side_are_not_inside_out():
-    assert inspect_mesh(BALL.vertices, BALL.faces[1:, ::-1]).inside_out_bodies == 0
-    report = inspect_mesh(*moebius_strip())
-    assert (report.flipped_faces, report.inside_out_bodies) == (0, 0)
-    assert "a one-sided surface" in findings(*moebius_strip())
 
 
 @pytest.mark.parametrize("make", [bow_tie, fins, turned_faces, crossing_sheets, random_faces])

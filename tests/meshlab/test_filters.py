@@ -6,8 +6,8 @@ import numpy as np
 import pymeshlab
 import pytest
 from meshset_state import attributes, changed, filter_script, mesh_state
+from vertex_filter_cases import FILTERS, GIVEN, array, sphere, sphere_and_a_lone_vertex
 
-from bezier_filters.errors import CancelledError
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.fields import columns, qualities
 from bezier_filters.meshlab.meshset import BezierFilterError
@@ -19,12 +19,6 @@ from bezier_filters.meshlab.vertex_filters import (
 from bezier_filters.status import FitStatus
 from bezier_filters.surfaces import height_field, waves
 
-FILTERS = (
-    compute_curvature_by_bezier_patch_per_vertex,
-    compute_normal_by_bezier_patch_per_vertex,
-    compute_torsion_by_bezier_patch_per_vertex,
-)
-GIVEN = {"rings": 2, "alpha": 0.8}  # where it does not matter how fits are chosen
 DIAGNOSTICS = {"bz_fit_grade", "bz_rings_used", "bz_residual"}
 CURVATURE_ATTRIBUTES = {
     "bz_mean_curvature",
@@ -40,24 +34,6 @@ CURVATURE_ATTRIBUTES = {
     *(f"bz_direction_{end}_{axis}" for end in ("min", "max") for axis in "xyz"),
     *DIAGNOSTICS,
 }
-
-
-def sphere(radius=2.0):
-    ms = pymeshlab.MeshSet()
-    ms.create_sphere(radius=radius, subdiv=3)
-    return ms
-
-
-def sphere_and_a_lone_vertex():
-    ball = sphere()
-    vertices = np.vstack([ball.current_mesh().vertex_matrix(), [[9.0, 9.0, 9.0]]])
-    ms = pymeshlab.MeshSet()
-    ms.add_mesh(pymeshlab.Mesh(vertices, ball.current_mesh().face_matrix()))
-    return ms
-
-
-def array(ms, name):
-    return ms.current_mesh().vertex_custom_scalar_attribute_array(name)
 
 
 class TestWhatChanges:
@@ -352,165 +328,3 @@ class TestReport:
         highest, lowest = colors[quality.argmax()], colors[quality.argmin()]
         assert highest[0] > 0.9 > 0.1 > highest[2]
         assert lowest[2] > 0.9 > 0.1 > lowest[0]
-
-
-class TestSelection:
-    @pytest.mark.parametrize("function", FILTERS)
-    def test_only_selected_vertices_change(self, textured, function):
-        mesh = textured.current_mesh()
-        chosen = mesh.vertex_selection_array()
-        quality, normals = mesh.vertex_scalar_array(), mesh.vertex_normal_matrix()
-        before = mesh_state(textured)
-        result = function(textured, onselected=True)
-        assert result["status"]["SKIPPED"] == np.count_nonzero(~chosen)
-        assert np.array_equal(mesh.vertex_scalar_array()[~chosen], quality[~chosen])
-        assert np.array_equal(mesh.vertex_normal_matrix()[~chosen], normals[~chosen])
-        assert (mesh.vertex_scalar_array()[chosen] != quality[chosen]).all()
-        assert (array(textured, "bz_fit_grade")[~chosen] == 0).all()
-        assert (array(textured, "bz_residual")[~chosen] == 0.0).all()
-        selections = {"0: vertex_selection_array", "0: face_selection_array"}
-        assert not changed(before, mesh_state(textured)) & selections
-
-    @pytest.mark.parametrize("function", FILTERS)
-    def test_old_columns_stay_outside_the_selection(self, textured, function):
-        chosen = textured.current_mesh().vertex_selection_array()
-        function(textured, rings=3)
-        before = attributes(textured)
-        result = function(textured, onselected=True, rings=1)
-        for name in result["attributes"]:
-            assert np.array_equal(array(textured, name)[~chosen], before[name][~chosen])
-        assert (array(textured, "bz_rings_used")[chosen] != before["bz_rings_used"][chosen]).any()
-
-    @pytest.mark.parametrize("function", FILTERS)
-    def test_selected_faces_stand_for_their_vertices(self, function):
-        ms = sphere()
-        ms.compute_selection_by_condition_per_face(condselect="fi < 7")
-        ms.set_selection_none(allfaces=False, allverts=True)
-        mesh = ms.current_mesh()
-        chosen = np.isin(np.arange(mesh.vertex_number()), mesh.face_matrix()[mesh.face_selection_array()])
-        before = mesh_state(ms)
-        function(ms, onselected=True)
-        assert np.array_equal(array(ms, "bz_fit_grade") != 0, chosen)
-        assert (mesh.vertex_scalar_array()[~chosen] == 0.0).all()
-        assert (mesh.vertex_scalar_array()[chosen] != 0.0).all()
-        assert not changed(before, mesh_state(ms)) & {"0: vertex_selection_array", "0: face_selection_array"}
-
-    def test_nothing_selected(self):
-        ms = sphere()
-        ms.set_selection_none()
-        before = mesh_state(ms)
-        with pytest.raises(BezierFilterError, match="there is no selection"):
-            compute_curvature_by_bezier_patch_per_vertex(ms, onselected=True)
-        assert changed(before, mesh_state(ms)) == set()
-
-    def test_uninitialised_rows_of_old_columns_never_reach_the_mesh_as_nan(self):
-        ms = sphere()
-        count = ms.current_mesh().vertex_number()
-        ms.current_mesh().add_vertex_custom_scalar_attribute(np.full(count, np.nan), "bz_k_min")
-        ms.compute_selection_by_condition_per_vertex(condselect="x > 0")
-        compute_curvature_by_bezier_patch_per_vertex(ms, onselected=True)
-        assert np.isfinite(array(ms, "bz_k_min")).all()
-
-
-class TestFailure:
-    @pytest.mark.parametrize(
-        ("options", "message"),
-        [
-            ({"rings": 0}, "rings: got 0"),
-            ({"alpha": 1.5}, "alpha: got 1.5"),
-            ({"degree": 7}, "degree: got 7"),
-            ({"smoothness": "soft"}, "smoothness: got 'soft'"),
-            ({"threads": 0}, "threads: got 0"),
-            ({"radius": "200%"}, r"radius: got '200%', expected a length such as 0.5, or a percentage such as 2%"),
-            ({"quality": "colour"}, "quality: got 'colour', expected 'mean', 'gaussian'"),
-            ({"quality": 3}, "quality: got 3"),
-            ({"color": True, "quality": None}, "color: there is no quality"),
-            ({"color": True, "colormap": "jet"}, "colormap: got 'jet', expected one of auto, RGB"),
-            ({"color": True, "percentile": 50}, "percentile: got 50"),
-        ],
-    )
-    def test_parameters_are_refused_and_all_stays(self, textured, options, message):
-        before = mesh_state(textured)
-        with pytest.raises(BezierFilterError, match=message):
-            compute_curvature_by_bezier_patch_per_vertex(textured, **options)
-        assert changed(before, mesh_state(textured)) == set()
-
-    @pytest.mark.parametrize("runs", [0, 1])
-    def test_cancelling_leaves_all_as_it_was(self, textured, runs):
-        for _ in range(runs):
-            compute_normal_by_bezier_patch_per_vertex(textured, **GIVEN)
-        before = mesh_state(textured)
-        with pytest.raises(CancelledError):
-            compute_normal_by_bezier_patch_per_vertex(textured, progress=lambda done, total: False)
-        assert changed(before, mesh_state(textured)) == set()
-
-    def test_an_error_in_the_callback_leaves_all_as_it_was(self, textured):
-        def fail(done, total):
-            raise ZeroDivisionError
-
-        before = mesh_state(textured)
-        with pytest.raises(ZeroDivisionError):
-            compute_normal_by_bezier_patch_per_vertex(textured, progress=fail)
-        assert changed(before, mesh_state(textured)) == set()
-
-    def test_coordinates_that_are_not_finite(self):
-        ms = sphere()
-        ms.compute_coord_by_function(x="vi == 3 ? 0/0 : x", y="y", z="z")
-        before = mesh_state(ms)
-        with pytest.raises(BezierFilterError, match="finite"):
-            compute_curvature_by_bezier_patch_per_vertex(ms)
-        assert changed(before, mesh_state(ms)) == set()
-
-    def test_a_point_attribute_of_our_name(self):
-        ms = sphere()
-        count = ms.current_mesh().vertex_number()
-        ms.current_mesh().add_vertex_custom_point_attribute(np.zeros((count, 3)), "bz_k_max")
-        before = mesh_state(ms)
-        with pytest.raises(BezierFilterError, match="point attribute 'bz_k_max'"):
-            compute_curvature_by_bezier_patch_per_vertex(ms)
-        assert changed(before, mesh_state(ms)) == set()
-
-    def test_an_illegal_attribute_is_reported_before_the_fit(self):
-        ms = sphere()
-        ms.current_mesh().add_vertex_custom_scalar_attribute(np.zeros(642), "my-field")
-        with pytest.raises(BezierFilterError, match="my_field"):
-            compute_curvature_by_bezier_patch_per_vertex(ms, progress=lambda done, total: pytest.fail("was fitted"))
-        assert list(ms.filter_parameter_values("ply")) == ["binary", "__ca_vs__my_field"]
-
-    def test_a_change_of_the_mesh_meanwhile(self):
-        ms = sphere()
-
-        def switch(done, total):
-            ms.create_cube()
-
-        with pytest.raises(BezierFilterError, match="changed while the filter ran"):
-            compute_curvature_by_bezier_patch_per_vertex(ms, progress=switch)
-
-    @pytest.mark.parametrize("runs", [0, 1])
-    def test_an_interrupt_while_writing_is_undone(self, textured_bunny_file, runs):
-        class Interrupted(pymeshlab.MeshSet):
-            def compute_normal_by_function_per_vertex(self, **options):
-                super().compute_normal_by_function_per_vertex(**options)
-                if "bz_normal_x" in options["x"]:
-                    raise KeyboardInterrupt
-
-        ms = Interrupted()
-        ms.load_new_mesh(str(textured_bunny_file))
-        ms.compute_scalar_by_function_per_vertex(q="y")
-        if runs:
-            with pytest.raises(KeyboardInterrupt):
-                compute_normal_by_bezier_patch_per_vertex(ms, **GIVEN)
-        before = mesh_state(ms)
-        with pytest.raises(KeyboardInterrupt):
-            compute_normal_by_bezier_patch_per_vertex(ms, rings=3)
-        left = changed(before, mesh_state(ms)) - {"0: outlierScore"}
-        assert all(key.startswith("0: bz_") for key in left)  # new columns cannot be removed
-        assert not (left and runs)
-
-
-class TestProgress:
-    def test_progress_reaches_the_total(self, textured):
-        calls = []
-        compute_torsion_by_bezier_patch_per_vertex(textured, progress=lambda done, total: calls.append((done, total)))
-        done, total = calls[-1]
-        assert done == total

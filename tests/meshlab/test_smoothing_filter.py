@@ -6,7 +6,7 @@ import numpy as np
 import pymeshlab
 import pytest
 from meshset_state import changed, mesh_state
-from test_filters import array
+from vertex_filter_cases import array
 
 from bezier_filters.errors import CancelledError
 from bezier_filters.meshlab.meshset import BezierFilterError

@@ -2,11 +2,8 @@
 
 import sys
 
-import numpy as np
-import pytest
 from full_meshset import punched_torus
 
-from bezier_filters.arrays import unique_rows
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.half_edges import border_edges, coincident_border_edges
 from bezier_filters.meshes.mesh import triangle_mesh
@@ -40,14 +37,3 @@ def test_an_interrupt_while_borders_are_welded_is_no_type_error():
     mesh = triangle_mesh(*punched_torus())
     border = border_edges(mesh, vertex_adjacency(mesh).on_boundary)
     assert interrupt_at_every_call(lambda: coincident_border_edges(mesh, border)) > 20
-
-
-@pytest.mark.parametrize("columns", [1, 2, 3])
-@pytest.mark.parametrize("dtype", [np.int32, np.float64])
-def test_unique_rows_are_those_of_numpy(columns, dtype):
-    rows = np.random.default_rng(0).integers(0, 4, (50, columns)).astype(dtype)
-    expected, place = np.unique(rows, axis=0, return_inverse=True)
-    got = unique_rows(rows)
-    np.testing.assert_array_equal(got[0], expected)
-    np.testing.assert_array_equal(got[1], place.ravel())
-    assert len(unique_rows(rows[:0])[0]) == 0

@@ -1,0 +1,47 @@
+"""The strength of the noise of a mesh, learned or given."""
+
+import pytest
+from scanner_noise import along_normals, mean_edge_of
+from scarce_meshes import soup
+
+from bezier_filters import triangle_mesh
+from bezier_filters.fitting.noise_level import explain_unknown_noise, is_noisy, learn_mesh_noise
+from bezier_filters.meshes.prepared_mesh import prepare_mesh
+from bezier_filters.noise.noise_model import NoiseModel
+from bezier_filters.surfaces import torus
+
+RING = torus(resolution=40, jitter=0.3)
+EDGE = mean_edge_of(RING.vertices, RING.faces)
+
+
+def learned(vertices, faces, *options):
+    mesh = triangle_mesh(vertices, faces)
+    return learn_mesh_noise(prepare_mesh(mesh), *options)
+
+
+@pytest.mark.parametrize("level", [0.05, 0.2])
+@pytest.mark.parametrize("passes", [0, 3])
+def test_white_and_averaged_noise_have_their_strength(level, passes):
+    noise = learned(along_normals(RING, level, passes), RING.faces)
+    assert noise.sigma == pytest.approx(level * EDGE, rel=0.15)
+    assert bool(noise.sills) == (passes > 0)
+
+
+def test_a_given_strength_is_taken_and_the_rest_is_learned():
+    vertices = along_normals(RING, 0.1, 3)
+    found, given = learned(vertices, RING.faces), learned(vertices, RING.faces, 0.1 * EDGE)
+    assert given.sigma == pytest.approx(0.1 * EDGE)
+    assert given.length == pytest.approx(found.length)
+    assert learned(vertices, RING.faces, 0.0) == NoiseModel(0.0)
+
+
+def test_triangles_that_share_nothing_have_no_noise_and_a_reason():
+    mesh = triangle_mesh(*soup())
+    assert learned(*soup()) is None
+    assert "reach a border or a sharp edge" in explain_unknown_noise(prepare_mesh(mesh))
+
+
+def test_noise_masks_edges_from_a_fiftieth_of_an_edge_on():
+    mesh = prepare_mesh(triangle_mesh(RING.vertices, RING.faces))
+    assert [is_noisy(mesh, level * EDGE) for level in (0.01, 0.03)] == [False, True]
+    assert not is_noisy(mesh, None)
