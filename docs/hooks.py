@@ -23,10 +23,11 @@ RESULTS = ROOT / "benchmarks" / "results"
 
 
 def on_config(config: Any) -> None:
-    """Complete the navigation with the decisions that are there."""
+    """Complete the navigation with the decisions and their appendices."""
     docs = Path(config.docs_dir)
-    decisions = [f"decisions/{path.name}" for path in sorted((docs / "decisions").glob("*.md"))]
-    config.nav.insert(-2, {"Decisions": decisions})
+    folders = ("decisions", "decisions/appendix")
+    decisions, appendices = ([f"{name}/{path.name}" for path in sorted((docs / name).glob("*.md"))] for name in folders)
+    config.nav.insert(-2, {"Decisions": [*decisions, {"Appendices": appendices}]})
     config.watch += [str(ROOT / "examples"), str(ROOT / "bezier_filters")]
 
 

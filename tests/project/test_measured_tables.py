@@ -34,7 +34,7 @@ DENOISING = ROOT.parent / "shared" / "cases" / "denoising"
 GIVEN, LEARNED = 0.01, 0.05
 COMMIT = re.compile(r"\b(?=[0-9a-f]*[0-9])[0-9a-f]{7}\b")
 MEASURED = re.compile(r"`python (?:benchmarks|docs)/\w+\.py[^`]*`")
-PAGES = [*sorted((ROOT / "docs").glob("*.md")), *sorted((ROOT / "docs" / "decisions").glob("*.md"))]
+PAGES = [*sorted((ROOT / "docs").glob("*.md")), *sorted((ROOT / "docs" / "decisions").rglob("*.md"))]
 
 
 def kept(name, **where):
