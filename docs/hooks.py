@@ -57,7 +57,7 @@ def on_page_markdown(markdown: str, **_: Any) -> str:
 def on_page_content(html: str, **_: Any) -> str:
     """Equations as MathML, which browsers draw without any script; pictures that open in full size.
 
-    Names in the text may be broken after an underscore, a dot or a slash, so that they fit in tables and on phones; options may not.
+    Names in tables may be broken after an underscore, a dot or a slash, so that tables fit; options may not.
     """
     html = re.sub(r"(?<!<pre>)(?<!</span>)<code>([^<]*)</code>", _breakable, html)
     html = re.sub(r'(<img [^>]*src="([^"]+)"[^>]*>)(?!</a>)', r'<a href="\2">\1</a>', html)
@@ -65,7 +65,7 @@ def on_page_content(html: str, **_: Any) -> str:
 
 
 def _breakable(found: re.Match[str]) -> str:
-    text = re.sub(r"(?<=\w[_./])(?=[A-Za-z]\w\w)", "<wbr>", found[1])
+    text = re.sub(r"(?<=\w\w\w[_./])(?=[A-Za-z]\w\w)", "<wbr>", found[1])
     return "<code>" + re.sub(r"(?<![\w-])(--?[a-z][a-z-]*)", r'<span class="option">\1</span>', text) + "</code>"
 
 
