@@ -23,11 +23,19 @@ RESULTS = ROOT / "benchmarks" / "results"
 
 
 def on_config(config: Any) -> None:
-    """Complete the navigation with the decisions that are there."""
+    """Complete the navigation with the decisions and their appendices."""
     docs = Path(config.docs_dir)
     decisions = [f"decisions/{path.name}" for path in sorted((docs / "decisions").glob("*.md"))]
-    config.nav.insert(-2, {"Decisions": decisions})
+    appendices = [
+        {_title(docs / "decisions" / path.name): f"decisions/appendix/{path.name}"}
+        for path in sorted((docs / "decisions" / "appendix").glob("*.md"))
+    ]
+    config.nav.insert(-2, {"Decisions": [*decisions, {"Appendices": appendices}]})
     config.watch += [str(ROOT / "examples"), str(ROOT / "bezier_filters")]
+
+
+def _title(path: Path) -> str:
+    return path.read_text(encoding="utf-8").partition("\n")[0].removeprefix("# ")
 
 
 def on_files(files: Files, *, config: Any) -> Files:
@@ -47,9 +55,18 @@ def on_page_markdown(markdown: str, **_: Any) -> str:
 
 
 def on_page_content(html: str, **_: Any) -> str:
-    """Equations as MathML, which browsers draw without any script; pictures that open in full size."""
+    """Equations as MathML, which browsers draw without any script; pictures that open in full size.
+
+    Names in tables may be broken after an underscore, a dot or a slash, so that tables fit; options may not.
+    """
+    html = re.sub(r"(?<!<pre>)(?<!</span>)<code>([^<]*)</code>", _breakable, html)
     html = re.sub(r'(<img [^>]*src="([^"]+)"[^>]*>)(?!</a>)', r'<a href="\2">\1</a>', html)
     return re.sub(r'<(span|div) class="arithmatex">(.*?)</\1>', _mathml, html, flags=re.DOTALL)
+
+
+def _breakable(found: re.Match[str]) -> str:
+    text = re.sub(r"(?<=\w\w\w[_./])(?=[A-Za-z]\w\w)", "<wbr>", found[1])
+    return "<code>" + re.sub(r"(?<![\w-])(--?[a-z][a-z-]*)", r'<span class="option">\1</span>', text) + "</code>"
 
 
 def _mathml(found: re.Match[str]) -> str:

@@ -9,7 +9,7 @@ FOLDER = Path(__file__).parent
 
 
 def main() -> None:
-    """Draw the bunny of the README."""
+    """Draw the bunny of the quick start."""
     with TemporaryDirectory() as folder:
         for _ in run_demo(Path(folder)):
             pass

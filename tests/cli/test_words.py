@@ -109,7 +109,7 @@ def test_iterations_that_had_nothing_to_do_are_noted(tmp_path):
 
 
 def test_a_mesh_that_is_coloured_cleaned_and_closed_keeps_its_colours_and_what_they_mean(tmp_path):
-    """The chain of the README: curvature of the scan, which smoothing and filling keep."""
+    """The chain of the quick start: curvature of the scan, which smoothing and filling keep."""
     holed_ball(tmp_path / "a.ply")
     for command, source, target in [("curvature", "a", "b"), ("smooth", "b", "c"), ("fill-holes", "c", "d")]:
         assert run(command, tmp_path / f"{source}.ply", tmp_path / f"{target}.ply").returncode == 0

@@ -23,7 +23,7 @@ PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), *sorted((ROO
 EVERY_PAGE = [
     *PAGES,
     ROOT / "CONTRIBUTING.md",
-    *sorted((ROOT / "docs" / "decisions").glob("*.md")),
+    *sorted((ROOT / "docs" / "decisions").rglob("*.md")),
     *sorted((ROOT / "docs" / "mathematics").glob("*.md")),
     *ROOT.glob("*/README.md"),
 ]
@@ -144,6 +144,7 @@ def test_script_is_there_and_has_the_options(command):
 
 
 DECISIONS = sorted((ROOT / "docs" / "decisions").glob("*.md"))
+SECTIONS = ["Context", "Decision", "Why", "What lost", "Consequences"]
 
 
 @pytest.mark.parametrize("page", DECISIONS, ids=lambda page: page.stem)
@@ -156,6 +157,23 @@ def test_every_decision_has_a_date_and_a_status(page):
     others = re.findall(r"\]\((.*?)\)", line)
     assert bool(others) == bool(found[2] or found[3])
     assert all((page.parent / other).is_file() for other in others)
+
+
+@pytest.mark.parametrize("page", DECISIONS, ids=lambda page: page.stem)
+def test_every_decision_is_short_and_links_its_appendix(page):
+    text = page.read_text(encoding="utf-8")
+    headings = re.findall(r"^## (.*)$", text, re.MULTILINE)
+    assert [name for name in headings if name in SECTIONS] == SECTIONS
+    assert len(text.splitlines()) <= 40
+    appendix = page.parent / "appendix" / page.name
+    assert appendix.is_file() == (f"](appendix/{page.name})" in text)
+    assert not appendix.is_file() or f"](../{page.name})" in appendix.read_text(encoding="utf-8")
+
+
+def test_every_appendix_belongs_to_a_decision():
+    appendices = {page.name for page in (ROOT / "docs" / "decisions" / "appendix").glob("*.md")}
+    assert appendices
+    assert appendices <= {page.name for page in DECISIONS}
 
 
 def test_targets_of_make_are_there():

@@ -33,8 +33,8 @@ RESULTS = ROOT / "benchmarks" / "results"
 DENOISING = ROOT.parent / "shared" / "cases" / "denoising"
 GIVEN, LEARNED = 0.01, 0.05
 COMMIT = re.compile(r"\b(?=[0-9a-f]*[0-9])[0-9a-f]{7}\b")
-MEASURED = re.compile(r"`python (?:benchmarks|docs|tools)/\w+\.py[^`]*`")
-PAGES = [*sorted((ROOT / "docs").glob("*.md")), *sorted((ROOT / "docs" / "decisions").glob("*.md"))]
+MEASURED = re.compile(r"`python (?:benchmarks|docs)/\w+\.py[^`]*`")
+PAGES = [*sorted((ROOT / "docs").glob("*.md")), *sorted((ROOT / "docs" / "decisions").rglob("*.md"))]
 
 
 def kept(name, **where):
@@ -193,6 +193,27 @@ def test_the_page_of_holes_has_the_kept_figures():
     for case, *figures in rows:
         for text, filler in zip(figures, fillers, strict=True):
             assert_printed(text, float(kept("holes.csv", case=cases[case], filler=filler)["rms"]))
+
+
+def test_the_readme_compares_with_the_figures_of_the_pages():
+    """Mean curvature at noise 0.1, angles after smoothing, ratio of fills, and speed."""
+    readme = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
+    at_noise = {}
+    for level, method, _, curvature, _ in rows_of_page("accuracy.md", 5):
+        at_noise.setdefault(method.removesuffix(" (default)"), []).append(curvature)
+        assert level in ("noise", "0", "0.01", "0.1", "", "---")
+    ours, libigl = at_noise["automatic"][-1], at_noise["libigl quadric, radius 2 / 5"][-1].split(" / ")[-1]
+    assert f"([{ours} and {libigl}](docs/accuracy.md))" in readme
+    angles = {row[0]: [row[k].split(" / ")[0] for k in (2, 4)] for row in rows_of_page("smoothing.md", 13)}
+    (block, taubin_block), (bunny, taubin_bunny) = angles["block 0.2"], angles["bunny 0.2"]
+    found = re.search(r"by ([\d.]+) degrees on a block and ([\d.]+) on a bunny.*?\[([\d.]+) and ([\d.]+)\]", readme)
+    for text, value in zip(found.groups(), (block, bunny, taubin_block, taubin_bunny), strict=True):
+        assert_printed(text, float(value))
+    (ratio,) = [row[3] for row in rows_of_page("holes.md", 7) if row[0] == "CGAL, continuity 2"]
+    assert_printed(re.search(r"\[([\d.]+) times\]\(docs/holes.md", readme)[1], float(ratio))
+    (times,) = [row[5] for row in rows_of_page("performance.md", 8) if row[0] == "automatic, 2 threads"]
+    assert 9.0 < float(times) < 11.0
+    assert "[a tenth](docs/performance.md)" in readme
 
 
 # --- rows of kept tables --------------------------------------------------------------------------

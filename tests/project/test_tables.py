@@ -90,11 +90,12 @@ def test_fields_of_estimates_are_numbers_of_each_vertex():
     assert len({field.column for field in FIELDS}) == len(FIELDS)
 
 
-def test_the_readme_names_every_quality():
-    rows = re.findall(r"^\| `compute_\w+` \| `(\w+)` \|(.*)$", (ROOT / "README.md").read_text("utf-8"), re.MULTILINE)
-    for name, row in rows:
-        if name in QUALITY_OF:
-            assert all(re.search(rf"\b{word}\b", row) for word in qualities(name))
+def test_the_page_of_filters_names_every_quality():
+    page = (ROOT / "docs" / "filters" / "index.md").read_text(encoding="utf-8")
+    rows = dict(re.findall(r"^\| `([\w-]+)` \|(.*)$", page, re.MULTILINE))
+    assert rows.keys() == set(COMMANDS.values())
+    for name in QUALITY_OF:
+        assert all(re.search(rf"\b{word}\b", rows[name]) for word in qualities(name))
 
 
 DUMMY = """
