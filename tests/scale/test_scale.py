@@ -33,6 +33,7 @@ def test_values_are_those_in_memory_to_the_last_bit(name, tile, tmp_path):
     "options",
     [
         {"smoothness": "paper"},
+        {"smoothness": "paper", "fallbacks": "paper", "fold_test": "crossings"},
         {"alpha": 0.9, "rings": 3},
         {"rings": 4, "degree": 3},
         {"robust": True},
@@ -176,6 +177,7 @@ def test_the_store_has_the_order_of_meshes_in_memory(seed, tile, tmp_path_factor
         ({"options": FitOptions(rings=0)}, "rings"),
         ({"options": FitOptions(rings=1000)}, "rings"),
         ({"options": FitOptions(alpha=2.0)}, "alpha"),
+        ({"options": FitOptions(radius=0.1)}, "radius"),
     ],
 )
 def test_bad_parameters_are_named_and_leave_nothing(arguments, name, tmp_path):
