@@ -89,6 +89,7 @@ def test_named_commits_exist(section):
         assert git("cat-file", "-e", f"{commit}^{{commit}}").returncode == 0, f"there is no commit {commit}"
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(bool(commits_are_missing()), reason=commits_are_missing() or "a whole clone")
 def test_in_a_shallow_clone_commits_are_not_looked_for(tmp_path):
     """The tests above pass in a clone of depth 1, as forges make it; here, those of one page."""
