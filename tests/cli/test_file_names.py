@@ -55,6 +55,7 @@ def test_names_of_inputs_and_outputs(name, folder):
     assert "\x1b" not in refused.stderr
 
 
+@pytest.mark.slow
 @LINUX
 def test_bytes_that_are_no_text_in_a_process(folder):
     """The whole way: arguments, notes to the process that waits, standard output."""
@@ -146,7 +147,9 @@ class TestPipes:
         assert "bezier_filters_" not in said
         assert command == "qmap" or "<stdin>" in said
 
-    @pytest.mark.parametrize("command", BEGINS)
+    @pytest.mark.parametrize(
+        "command", [c if c in ("curvature", "render") else pytest.param(c, marks=pytest.mark.slow) for c in BEGINS]
+    )
     def test_commands_write_the_standard_output(self, command, folder):
         result = run_process(command, *PIPED[command], input=WAVES.read_bytes())
         assert result.returncode == 0, result.stderr

@@ -185,6 +185,7 @@ def test_the_picture_is_that_of_render(page, tmp_path):
     assert difference.mean() < 0.06
 
 
+@pytest.mark.slow
 @in_a_browser
 def test_it_turns_and_compares(page, tmp_path):
     front, _ = drawn(page, tmp_path)
@@ -230,6 +231,7 @@ def test_the_profile_of_a_sphere_has_its_curvature_and_its_height(tmp_path):
     np.testing.assert_allclose(heights, expected - expected[-1], atol=0.005)
 
 
+@pytest.mark.slow
 @in_a_browser
 def test_the_profile_of_a_tube_is_that_of_its_near_side_when_it_is_turned_too(tmp_path):
     page = page_of("tube", *arrays(cylinder(radius=0.5, length=3.0, resolution=96)))
@@ -243,6 +245,7 @@ def test_the_profile_of_a_tube_is_that_of_its_near_side_when_it_is_turned_too(tm
     np.testing.assert_allclose(heights[well] - heights[well].max(), expected - expected.max(), atol=0.003)
 
 
+@pytest.mark.slow
 @in_a_browser
 def test_profiles_before_and_after(tmp_path):
     """Of a torus and of one that is a tenth larger, which stands for a smoothed one."""

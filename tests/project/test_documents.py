@@ -30,6 +30,7 @@ EVERY_PAGE = [
 PYTHON = re.compile(r"```python\n(.*?)```", re.DOTALL)
 COMMAND = re.compile(r"(?:^    |`)bezier-filters ([^`\n]* [^`\n]*|--[^`\n]*)", re.MULTILINE)
 SCRIPT = re.compile(r"(?:^    |`)python ([\w/]+\.py)([^`\n]*)", re.MULTILINE)
+NAMED_FILE = re.compile(r"`((?:benchmarks|tests|tools)/[\w/]+\.\w+)")
 TARGET = re.compile(r"(?:^    |`)make ([a-z-]+)", re.MULTILINE)
 XML = re.compile(r"```xml\n(.*?)```", re.DOTALL)
 
@@ -141,6 +142,12 @@ def test_script_is_there_and_has_the_options(command):
         return
     code = (ROOT / name).read_text(encoding="utf-8")
     assert all(f'"{option}"' in code for option in re.findall(r"--[a-z-]+", options)), options
+
+
+@pytest.mark.parametrize("page", EVERY_PAGE, ids=lambda page: page.relative_to(ROOT).with_suffix("").as_posix())
+def test_files_that_a_page_names_are_there(page):
+    names = NAMED_FILE.findall(page.read_text(encoding="utf-8"))
+    assert [name for name in names if not (ROOT / name).is_file()] == []
 
 
 DECISIONS = sorted((ROOT / "docs" / "decisions").glob("*.md"))

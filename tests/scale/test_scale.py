@@ -17,9 +17,14 @@ from bezier_filters.scale.source import open_source
 from bezier_filters.scale.store import build_store
 from bezier_filters.surfaces import sphere, torus
 
+IN_TILES = [
+    pytest.param(name, tile, marks=[pytest.mark.slow] if slow else [])
+    for name in MESHES
+    for tile, slow in ((256, False), (1000, True), (10**6, name != "shuffled"))
+]
 
-@pytest.mark.parametrize("tile", [256, pytest.param(1000, marks=pytest.mark.slow), 10**6])
-@pytest.mark.parametrize("name", MESHES)
+
+@pytest.mark.parametrize(("name", "tile"), IN_TILES)
 def test_values_are_those_in_memory_to_the_last_bit(name, tile, tmp_path):
     vertices, faces = MESHES[name]()
     files = save_arrays(tmp_path, vertices, faces)
