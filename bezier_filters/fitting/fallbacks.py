@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, ByteArray, IntArray
-from bezier_filters.errors import InvalidParameterError
 from bezier_filters.fitting.vertex_geometry import VertexGeometry, empty_geometry
 from bezier_filters.kernels.crossing_edges import MEAN_PLANE, NEIGHBOUR_PLANE, OWN_PLANE, find_planes
 from bezier_filters.kernels.fit_kernel import fit_task
@@ -29,7 +28,7 @@ from bezier_filters.patches.polynomials import elimination_order, lexicographic_
 from bezier_filters.runtime.parallel import Progress, run_in_chunks, run_kernel
 from bezier_filters.sampling.neighbourhood_samples import MAX_FLIPPED_FRACTION
 from bezier_filters.status import FitStatus
-from bezier_filters.surface_model.fit_options import Fallbacks, FitOptions
+from bezier_filters.surface_model.fit_options import Fallbacks
 from bezier_filters.surface_model.fit_spec import FitSpec
 from bezier_filters.surface_model.quartic_mean import QUARTIC
 
@@ -185,11 +184,8 @@ def fit_with_fallbacks(
     geometry.status[mesh.origin[never_fitted]] = int(FitStatus.NORMAL_ONLY)
 
 
-def fit_patches(mesh: TriangleMesh, options: FitOptions, *, progress: Progress | None = None) -> VertexGeometry:
-    """Geometry of all vertices of a mesh by one patch fit with its fallbacks; rings and patch must be given."""
-    rings, fit = options.ring_count, options.patch
-    if rings is None or fit is None:
-        raise InvalidParameterError("rings, alpha: got 'auto', expected numbers")
+def fit_patches(mesh: TriangleMesh, rings: int, fit: PatchFit, *, progress: Progress | None = None) -> VertexGeometry:
+    """Geometry of all vertices of a mesh by one patch fit with its fallbacks."""
     ordered = sort_spatially(mesh)
     arrays = prepare_kernel_mesh(ordered.mesh, ordered, creases=False)
     geometry = empty_geometry(mesh.vertex_count)

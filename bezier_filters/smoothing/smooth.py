@@ -1,7 +1,7 @@
 """Smoothing of meshes: the public function `smooth` and its result."""
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,6 +17,7 @@ from bezier_filters.meshes.mesh import check_selection, takes_arrays, triangle_m
 from bezier_filters.meshes.prepared_mesh import PreparedMesh, longest_edges, prepare_mesh
 from bezier_filters.meshes.spatial_order import ensure_locality
 from bezier_filters.meshes.unit_size import LENGTH, VOLUME, normalizes_size
+from bezier_filters.patches.patch_fit import PatchFit
 from bezier_filters.runtime.parallel import Progress, runs_on_threads
 from bezier_filters.smoothing.denoise import SmoothingOptions
 from bezier_filters.smoothing.flipped_faces import bad_faces, repair_flipped_faces
@@ -239,6 +240,7 @@ def smooth(
     check_smoothing(method, iterations, noise, borders, detail, relax, rings, alpha)
     paper = FitOptions("auto" if rings is None else rings, "auto" if alpha is None else alpha, smoothness="paper")
     paper.check()
+    ring_count, fit = cast("int", paper.ring_count), cast("PatchFit", paper.patch)
     ordered = ensure_locality(given)
     mesh = prepare_mesh(ordered.mesh)
     n = mesh.vertex_count
@@ -257,7 +259,7 @@ def smooth(
                 found = denoise_mesh(current, here, options, progress=part)
                 points, sharpness = found.points, np.maximum(sharpness, found.sharpness)
             else:
-                moves = fit_patches(current, paper, progress=part).displacements
+                moves = fit_patches(current, ring_count, fit, progress=part).displacements
                 points = points + admissible_displacements(current, moves)
             points = np.where(movable[:, np.newaxis], points, mesh.vertices)
             if np.array_equal(points, current.vertices) and (k or noise is None):
