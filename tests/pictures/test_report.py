@@ -216,6 +216,7 @@ DRAG = """
   const found = {...curves, read: $("read").textContent};"""
 
 
+@pytest.mark.slow
 @in_a_browser
 def test_the_profile_of_a_sphere_has_its_curvature_and_its_height(tmp_path):
     ball = arrays(sphere(radius=2.0, resolution=24))
