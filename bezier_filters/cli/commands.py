@@ -124,7 +124,7 @@ def _stamp(path: Path) -> Stamp | None:
 
 @app.command(epilog="Example: bezier-filters info scan.ply")
 def info(source: Source, skip: Skip = False, json: Json = False) -> None:
-    """Say what is in a mesh or point cloud, how much noise there is, and whether it is fit for fitting."""
+    """Show the contents of a mesh or point cloud, its noise, and whether it is fit for fitting."""
     with console.stages(quiet=json) as stage:
         _, summary = _inspect(source, stage, skip=skip)
     if json:
@@ -150,7 +150,7 @@ def report(
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Write a page with the mesh, to be turned in a browser, and all that is known of it: one file, no network.
+    """Write a page with the mesh, to be turned in a browser, and its measurements: one file, no network.
 
     It shows curvature, torsion, error bars, status and sharp edges with legends and histograms, the output of info, and
     the mesh before and after smoothing and filling. A line drawn on the mesh has its profile.

@@ -77,14 +77,16 @@ def estimate_vertex_geometry(
     """Normals, curvatures, principal directions and torsion of a mesh or a point cloud at its vertices.
 
     A patch is fitted to the k-ring of every vertex, as a height field over the tangent plane, by
-    least squares with a smoothness that holds its higher terms back (after Li, Barsky, Jin, "An
+    least squares with a smoothness that penalises its higher terms (after Li, Barsky, Jin, "An
     effective third-order local fitting patch and its application", IEEE SMI 2009). Its
     derivatives at the vertex give the geometry.
 
-    By default the data choose: the noise of the mesh and the variation of its surface are learned
-    from a sample of neighbourhoods, and the neighbourhood, the degree and the weight of the
-    smoothness are those with the smallest predicted error of normal and curvature. With a number
-    for `alpha`, [alpha A; (1 - alpha) S] b = [alpha z; 0] is solved as in the paper;
+    By default the patch is a polynomial of some total degree, and the data choose: the noise of the
+    mesh and the variation of its surface are learned from a sample of neighbourhoods; they give the
+    prior of each higher term, and the neighbourhood and the degree are those with the smallest
+    predicted error of normal and curvature. With a number for `alpha` the patch is a tensor product
+    over the plane of the vertex normal, and [alpha A; (1 - alpha) S] b = [alpha z; 0] is solved as
+    in the paper;
     ``rings=2, alpha=0.8, smoothness="paper"`` is the paper's method to the letter, whose curvature
     is biased at every resolution.
 

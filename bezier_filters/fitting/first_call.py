@@ -51,7 +51,7 @@ def first_compilation(kernel: Any, compile_kernel: Callable[[], object], compile
     for the other kernels, which this process finds in the cache. If that process fails, they are compiled here on
     their first call.
     """
-    compiled = getattr(kernel, "signatures", True)  # or loaded in this process, or the JIT is off
+    compiled = getattr(kernel, "signatures", True)  # or loaded in this process, or the JIT is disabled
     folder = None if compiled else kernel.stats.cache_path
     if compiled or (folder and any(Path(folder).glob(f"*.{kernel.py_func.__name__}-*{SUFFIX}"))):
         yield

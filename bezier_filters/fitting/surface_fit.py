@@ -44,7 +44,7 @@ class SurfaceFit:
 def choose_fit(source: Neighbourhoods, options: FitOptions) -> tuple[SurfaceFit, Leaf | None]:
     """Choose the parameters that the options leave open, one choice for all vertices.
 
-    The fit is robust if there are outliers, unless the options say so or deny it. The second result is the surface
+    The fit is robust if there are outliers, unless `robust` is given. The second result is the surface
     model, to which regions may be added; None if nothing was learned, or all parameters are given.
     """
     if options.radius is not None:

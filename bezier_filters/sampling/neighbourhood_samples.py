@@ -20,7 +20,7 @@ from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
 SAMPLE_CHUNK = 32  # neighbourhoods per chunk
 NORMAL_CHECK_RINGS = 2  # rings in which flipped normals are counted
 MAX_NEIGHBOURHOOD_POINTS = 450  # points of the largest usable neighbourhood
-# fraction of flipped normals, more than 90 degrees off the plane, in a usable neighbourhood
+# fraction of flipped normals, more than 90 degrees from the plane normal, in a usable neighbourhood
 MAX_FLIPPED_FRACTION = 0.02
 MAX_FLIPPED_BY_OUTLIERS = 0.25  # the same in the search for outliers, which flip more normals
 

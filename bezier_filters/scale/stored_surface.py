@@ -80,7 +80,7 @@ class StoredSurface:
             return sample_store_parts(self.store)
 
     def points_of(self, ids: IntArray) -> FloatArray:
-        """Coordinates (k, 3) of the sampled vertices, which are the same for all surfaces."""
+        """Coordinates (k, 3) of vertices of the sampled parts, whose ids are the same for all surfaces."""
         return np.asarray(self.parts.mesh.vertices[np.searchsorted(self.parts.ids, ids)])
 
     def move_outliers(self) -> "StoredSurface":
@@ -197,9 +197,9 @@ def smooth_tile(
     stored: StoredComponents | None,
     tile: int,
 ) -> tuple[Values, TileReport]:
-    """Smoothed vertices of a tile after an iteration, and weights of sharp estimates.
+    """Smoothed vertices of a tile after a round, and weights of sharp estimates.
 
-    `first` and `current` are the mesh before all iterations and before this one, the latter possibly without outliers.
+    `first` and `current` are the mesh before all rounds and before this one, the latter possibly without outliers.
     There is no plan without significant noise. `reach` is the width of the halo in rings. Fixed borders stay. The
     volumes of closed components are reported if `stored` is given.
     """
