@@ -222,7 +222,7 @@ def _prepare(ordered: SpatialOrder, options: FitOptions, outside: FloatArray | N
         adjacency, planes = point_cloud(ordered.mesh, None if outside is None else outside[ordered.order])
         return ordered, kernel_mesh(ordered.mesh, adjacency, planes, None, ordered)
     mesh = prepare_mesh(ordered.mesh)
-    return replace(ordered, mesh=mesh), prepare_kernel_mesh(mesh, ordered, creases=not options.is_fixed)
+    return replace(ordered, mesh=mesh), prepare_kernel_mesh(mesh, ordered, with_barriers=not options.is_fixed)
 
 
 def _estimate(
@@ -242,9 +242,9 @@ def _estimate(
     """
     is_cached = options.is_learned and given.vertex_count <= MAX_CACHED_VERTICES
     key = cache_key(given.vertices, given.faces, outside, options) if is_cached else None
-    known, root = look_up_fit(key), None
+    known, whole = look_up_fit(key), None
     if known is None:
-        fit, root, source, noise_free = _choose(given, ordered, arrays, options)
+        fit, whole, source, noise_free = _choose(given, ordered, arrays, options)
     else:
         fit, noise_free = known.fit, known.noise_free
         fitted = arrays._replace(barriers=known.barriers[ordered.order])
@@ -253,10 +253,10 @@ def _estimate(
         source = MeshNeighbourhoods(fitted)
     mask = select(fit.choice.noise_sigma)
     ids = (np.arange(given.vertex_count) if mask is None else np.flatnonzero(mask[ordered.order])).astype(np.int32)
-    choice, fit = _fit(source, ids, fit, root, options, geometry, progress)
+    choice, fit = _fit(source, ids, fit, whole, options, geometry, progress)
     if fit.cleaned:
         rebase_displacements(arrays.vertices, source.mesh, ids, geometry)
-    if root is not None and is_cached:
+    if whole is not None and is_cached:
         cleaned = ordered.restore_order(source.mesh.vertices) if fit.cleaned else None
         cache_fit(key, CachedFit(fit, ordered.restore_order(source.mesh.barriers), noise_free, cleaned))
     if mask is not None:
@@ -273,20 +273,21 @@ def _choose(
     (n, 3) if they were needed.
     """
     source, noise_free = MeshNeighbourhoods(arrays), None
-    fit, root = choose_fit(source, options)
+    fit, whole = choose_fit(source, options)
     fitted = source.clean if fit.cleaned else source
-    if root is not None and given.face_count and not options.robust:
-        noise = root.surface.noise
+    if whole is not None and given.face_count and not options.robust:
+        noise = whole.surface.noise
         # under heavy noise no residual is large
         is_suspect = options.radius is not None or noise.heavy or _misses_edges(fitted.mesh, fit, noise.sigma)
         if is_suspect and hides_sharp_edges(prepare_mesh(ordered.mesh), noise):
-            surface, edges = noise_free_surface(prepare_mesh(given), noise)
-            noise_free, edges = surface.vertices, edges[ordered.order]
-            if (edges & ~fitted.mesh.barriers).any():
-                source = MeshNeighbourhoods(arrays._replace(barriers=arrays.barriers | edges), edges)
-                fit, root = choose_fit(source, options)
+            surface, hidden_barriers = noise_free_surface(prepare_mesh(given), noise)
+            noise_free, hidden_barriers = surface.vertices, hidden_barriers[ordered.order]
+            if (hidden_barriers & ~fitted.mesh.barriers).any():
+                barriers = arrays.barriers | hidden_barriers
+                source = MeshNeighbourhoods(arrays._replace(barriers=barriers), hidden_barriers)
+                fit, whole = choose_fit(source, options)
                 fitted = source.clean if fit.cleaned else source
-    return fit, root, fitted, noise_free
+    return fit, whole, fitted, noise_free
 
 
 def _misses_edges(mesh: KernelMesh, fit: SurfaceFit, sigma: float) -> bool:
@@ -307,7 +308,7 @@ def _fit(
     source: MeshNeighbourhoods,
     ids: IntArray,
     fit: SurfaceFit,
-    root: Leaf | None,
+    whole: Leaf | None,
     options: FitOptions,
     geometry: VertexGeometry,
     progress: Progress | None,
@@ -318,17 +319,17 @@ def _fit(
     to be ignored.
     """
     arrays, first = source.smooth_mesh if fit.smooth_normals else source.mesh, ids
-    has_regions = root is not None and options.radius is None
-    if root is not None and has_regions:
+    has_regions = whole is not None and options.radius is None
+    if whole is not None and has_regions:
         probes = draw_from_mesh(arrays, PROBE_COUNT)
-        sampled = np.union1d(root.centers, probes).astype(np.int32)
+        sampled = np.union1d(whole.centers, probes).astype(np.int32)
         if len(ids) < len(arrays.vertices):
             first = np.union1d(ids, sampled).astype(np.int32)
     first_progress = overall_progress(progress, 0, len(ids))
     fit_with_fallbacks(arrays, first, fit.attempts, geometry, robust=fit.robust, progress=first_progress)
-    if root is not None and has_regions:
+    if whole is not None and has_regions:
         features = first_features(geometry, arrays.origin[sampled])
-        fit = add_regions(fit, root, source, options, probes, sampled, features)
+        fit = add_regions(fit, whole, source, options, probes, sampled, features)
     return fit_regions(arrays, ids, fit, geometry, progress=progress), fit
 
 

@@ -19,7 +19,8 @@ class MeshNeighbourhoods:
     """The `Neighbourhoods` of a mesh in memory."""
 
     mesh: KernelMesh
-    edges: BoolArray | None = None  # (n,): sharp edges under the noise, at which the search for outliers ends, too
+    # (n,): vertices on sharp edges that the noise hides, at which neighbourhoods in the search for outliers end, too
+    hidden_barriers: BoolArray | None = None
 
     @property
     def vertex_count(self) -> int:
@@ -29,7 +30,7 @@ class MeshNeighbourhoods:
     @cached_property
     def clean(self) -> "MeshNeighbourhoods":
         """The same with the outliers moved onto the surface around them."""
-        return MeshNeighbourhoods(move_outliers(self.mesh, self.edges))
+        return MeshNeighbourhoods(move_outliers(self.mesh, self.hidden_barriers))
 
     @cached_property
     def smooth_mesh(self) -> KernelMesh:

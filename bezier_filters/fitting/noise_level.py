@@ -47,7 +47,7 @@ def estimate_noise(
 
 
 def _neighbourhoods(mesh: PreparedMesh) -> MeshNeighbourhoods:
-    return MeshNeighbourhoods(prepare_kernel_mesh(mesh, creases=True))
+    return MeshNeighbourhoods(prepare_kernel_mesh(mesh, with_barriers=True))
 
 
 def is_noisy(mesh: PreparedMesh, sigma: float | None) -> bool:

@@ -50,18 +50,18 @@ def choose_fit(source: Neighbourhoods, options: FitOptions) -> tuple[SurfaceFit,
     if options.radius is not None:
         return _choose_ball_fit(source, options)
     learned = learn_without_outliers(source, options) if options.is_learned else None
-    root = None if learned is None else learned.limit(options)
+    whole = None if learned is None else learned.limit(options)
     robust = bool(options.robust)
-    if root is None:
+    if whole is None:
         noise, rings = None, 2
     else:
-        noise, rings = root.surface.noise, root.chosen.rings
+        noise, rings = whole.surface.noise, whole.chosen.rings
         robust = robust or (options.robust is None and noise.outliers > 0.0)
         if options.patch is None:
-            choice = _add_noise(FitChoice(rings, root.chosen.degree, None, None), noise)
-            attempts = tuple(spec_chain(root.specs, root.chosen))
+            choice = _add_noise(FitChoice(rings, whole.chosen.degree, None, None), noise)
+            attempts = tuple(spec_chain(whole.specs, whole.chosen))
             smooth_normals = noise.heavy or noise.outliers > DENSE_OUTLIER_SHARE
-            return SurfaceFit(choice, attempts, smooth_normals, robust, cleaned=robust), root
+            return SurfaceFit(choice, attempts, smooth_normals, robust, cleaned=robust), whole
     rings = options.ring_count or rings
     fit = options.patch or patch_of_degrees(options.degrees)
     choice = _add_noise(FitChoice(rings, fit.degree, fit.alpha, None), noise)

@@ -54,7 +54,7 @@ class StoreNeighbourhoods:
     """The `Neighbourhoods` of a mesh in a store, the same as of the mesh in memory."""
 
     store: Store
-    creases: bool = True  # whether neighbourhoods end at sharp edges
+    with_barriers: bool = True  # whether neighbourhoods end at sharp edges
     is_clean: bool = False  # whether the outliers are moved onto the surface around them
 
     @property
@@ -82,7 +82,7 @@ class StoreNeighbourhoods:
     def sample(self, vertices: IntArray, rings: int, mode: SampleMode) -> NeighbourhoodSample:
         """Sample the neighbourhoods of some vertices, out to a widest ring."""
         part = part_around_samples(self.store, vertices, _reach(rings, mode, self.is_clean))
-        arrays = mesh_to_fit(part.mesh, self.creases, self.is_clean, mode == "smoothed")
+        arrays = mesh_to_fit(part.mesh, self.with_barriers, self.is_clean, mode == "smoothed")
         return sample_by_mode(arrays, part.local(vertices), rings, mode)._replace(centers=vertices)
 
 
@@ -105,19 +105,19 @@ def check_tile_options(options: FitOptions) -> None:
 
 def learn_fit(store: Store, options: FitOptions) -> SurfaceFit:
     """Choose the fit of a mesh as `estimate_vertex_geometry` does in memory."""
-    source = StoreNeighbourhoods(store, creases=not options.is_fixed)
-    fit, root = choose_fit(source, options)
-    if root is None:
+    source = StoreNeighbourhoods(store, with_barriers=not options.is_fixed)
+    fit, whole = choose_fit(source, options)
+    if whole is None:
         return fit
     probes = source.draw(PROBE_COUNT)
-    sampled = np.union1d(root.centers, probes).astype(np.int32)
+    sampled = np.union1d(whole.centers, probes).astype(np.int32)
     mode: SampleMode = "smoothed" if fit.smooth_normals else "plain"
     part = part_around_samples(store, sampled, _reach(_widest(fit.attempts), mode, fit.cleaned))
     local = part.local(sampled)
-    arrays = mesh_to_fit(part.mesh, source.creases, fit.cleaned, fit.smooth_normals)
+    arrays = mesh_to_fit(part.mesh, source.with_barriers, fit.cleaned, fit.smooth_normals)
     geometry = empty_geometry(len(arrays.vertices))
     fit_with_fallbacks(arrays, local, fit.attempts, geometry, robust=fit.robust)
-    return add_regions(fit, root, source, options, probes, sampled, first_features(geometry, local))
+    return add_regions(fit, whole, source, options, probes, sampled, first_features(geometry, local))
 
 
 def learn_store_noise(store: Store, sigma: float | None = None, robust: bool | None = None) -> NoiseModel | None:
@@ -141,9 +141,9 @@ def _widest(attempts: Sequence[FitAttempt]) -> int:
     return max(attempt.rings for attempt in attempts)
 
 
-def mesh_to_fit(mesh: TriangleMesh, creases: bool, clean: bool, smooth_normals: bool = False) -> KernelMesh:
+def mesh_to_fit(mesh: TriangleMesh, with_barriers: bool, clean: bool, smooth_normals: bool = False) -> KernelMesh:
     """Kernel input for a part of a mesh, on request without outliers and with smoothed normals; see `_reach`."""
-    arrays = prepare_kernel_mesh(mesh, creases=creases)
+    arrays = prepare_kernel_mesh(mesh, with_barriers=with_barriers)
     if clean:
         arrays = move_outliers(arrays)
     return use_smoothed_normals(arrays) if smooth_normals else arrays

@@ -235,9 +235,11 @@ def finish_tile(
     return rows, TileReport(tile, len(part.ids), sums)
 
 
-def move_tile(first: Store, current: Store, fit: SurfaceFit, creases: bool, tile: int) -> tuple[Values, TileReport]:
+def move_tile(
+    first: Store, current: Store, fit: SurfaceFit, with_barriers: bool, tile: int
+) -> tuple[Values, TileReport]:
     """Vertices of a tile on their patches, and their distances from the first mesh."""
-    geometry, part = fit_tile(current, fit, creases, tile)
+    geometry, part = fit_tile(current, fit, with_barriers, tile)
     displacements = np.zeros_like(part.mesh.vertices)
     displacements[part.own] = geometry.displacements
     points = part.mesh.vertices + admissible_displacements(prepare_mesh(part.mesh), displacements)

@@ -31,7 +31,7 @@ from bezier_filters.smoothing.denoise import (
     SmoothingPlan,
     denoise,
     halo_rings,
-    learn_plan,
+    learn_and_denoise,
 )
 from bezier_filters.smoothing.impulses import Impulses, remove_impulses
 from bezier_filters.smoothing.mesh_parts import MAX_WHOLE_VERTICES, MeshPart, reorder_part
@@ -105,7 +105,7 @@ class StoredSurface:
             if is_first and store.layout.face_count > 0 and not measured.sums("incoherent")[0]:
                 common.components = merge_components(run.store, measured.tiles)
         with run.stages.stage("learn"):
-            learned = learn_plan(sample_store_parts(store, around), noise, options)
+            learned = learn_and_denoise(sample_store_parts(store, around), noise, options)
         plan = None if learned is None else learned[0]
         reach, folder = halo_rings(plan) + (FINISH_RINGS if unfold else 0), common.results / f"smooth-{name}"
         components, fixed = common.components if common.is_last else None, options.borders == "fixed"
@@ -120,7 +120,7 @@ class StoredSurface:
         store, _ = run_round(self.common.run, "correct", folder, job)
         return replace(self, store=store)
 
-    def adopt(self, parts: MeshPart, denoised: DenoisedMesh) -> "StoredSurface | None":
+    def reuse_if_whole(self, parts: MeshPart, denoised: DenoisedMesh) -> "StoredSurface | None":
         """None: parts are denoised in memory, and the surface in its store."""
         return None
 
