@@ -18,7 +18,7 @@ from bezier_filters.meshes.frames import (
     Vector,
     farthest_direction,
     farthest_edge,
-    flipped_fraction,
+    fraction_flipped,
     mean_normal,
     tangential_part,
     unit_face_normal,
@@ -47,7 +47,7 @@ def write_plane(
         nx, ny, nz = neighbour_normal(mesh, members, inner, neighbours)
         folded = nx == 0.0 and ny == 0.0 and nz == 0.0
     elif fit.max_flipped_fraction >= 0.0:
-        folded = flipped_fraction(mesh.normals, members, inner, nx, ny, nz) > fit.max_flipped_fraction
+        folded = fraction_flipped(mesh.normals, members, inner, nx, ny, nz) > fit.max_flipped_fraction
     else:
         folded = folds(mesh, members, inner, nx, ny, nz)
     if folded:

@@ -12,7 +12,7 @@ import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.kernels.kernel_input import KernelMesh, recompute_barriers
-from bezier_filters.meshes.frames import farthest_direction, flipped_fraction, mean_normal
+from bezier_filters.meshes.frames import farthest_direction, fraction_flipped, mean_normal
 from bezier_filters.meshes.neighbourhoods import clear_marks, next_ring
 from bezier_filters.runtime.jit import inner_jit, jit, opaque
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
@@ -169,8 +169,8 @@ def _project_sample(
             if nx == 0.0 and ny == 0.0 and nz == 0.0:
                 continue
             if k == NORMAL_CHECK_RINGS:
-                sample.flipped_fraction[row] = flipped_fraction(mesh.normals, members, count, nx, ny, nz)
-            if flipped_fraction(mesh.normals, members, inner, nx, ny, nz) > max_flipped_fraction:
+                sample.flipped_fraction[row] = fraction_flipped(mesh.normals, members, count, nx, ny, nz)
+            if fraction_flipped(mesh.normals, members, inner, nx, ny, nz) > max_flipped_fraction:
                 continue
             sample.usable[row, k] = True
             plane_count = count
