@@ -25,7 +25,7 @@ def learn_mesh_noise(mesh: PreparedMesh, sigma: float | None = None, robust: boo
 
     The result is None if the mesh is too coarse. Outliers do not count as noise, unless `robust` is False.
     """
-    return estimate_noise(_neighbourhoods(mesh), sigma, robust, MAX_NOISE_PER_EDGE * mesh.mean_edge)
+    return estimate_noise(_neighbourhoods(mesh), sigma, robust, mesh.mean_edge)
 
 
 def explain_unknown_noise(mesh: PreparedMesh) -> str:
@@ -34,13 +34,15 @@ def explain_unknown_noise(mesh: PreparedMesh) -> str:
 
 
 def estimate_noise(
-    source: Neighbourhoods, sigma: float | None, robust: bool | None, most: float = np.inf
+    source: Neighbourhoods, sigma: float | None, robust: bool | None, mean_edge: float
 ) -> NoiseModel | None:
-    """Estimate the noise as `learn_mesh_noise`, in memory or in tiles; an estimate above `most` is discarded."""
+    """Estimate the noise as `learn_mesh_noise`, in memory or in tiles."""
     if sigma == 0.0:
         return NoiseModel(0.0)
     leaf = learn_without_outliers(source, FitOptions(robust=robust), only_noise=True)
-    learned = None if leaf is None or leaf.surface.noise.sigma > most else leaf.surface.noise
+    learned = None if leaf is None else leaf.surface.noise
+    if learned is not None and learned.sigma > MAX_NOISE_PER_EDGE * mean_edge:
+        learned = None
     if learned is not None and robust is False:
         learned = replace(learned, outliers=0.0)
     return learned if sigma is None else rescale_noise(learned, sigma)

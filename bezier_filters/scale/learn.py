@@ -120,9 +120,11 @@ def learn_fit(store: Store, options: FitOptions) -> SurfaceFit:
     return add_regions(fit, whole, source, options, probes, sampled, first_features(geometry, local))
 
 
-def learn_store_noise(store: Store, sigma: float | None = None, robust: bool | None = None) -> NoiseModel | None:
-    """The noise of a mesh, as `noise_level.learn_mesh_noise` learns it in memory."""
-    return estimate_noise(StoreNeighbourhoods(store), sigma, robust)
+def learn_store_noise(
+    store: Store, mean_edge: float, sigma: float | None = None, robust: bool | None = None
+) -> NoiseModel | None:
+    """The noise of a mesh, as `noise_level.learn_mesh_noise` learns it in memory; `mean_edge` may be that of parts."""
+    return estimate_noise(StoreNeighbourhoods(store), sigma, robust, mean_edge)
 
 
 def rings_needed(fit: SurfaceFit) -> int:

@@ -70,8 +70,9 @@ class StoredSurface:
 
     def learn_noise(self, sigma: float | None = None, robust: bool | None = None) -> NoiseModel | None:
         """Learn the noise from samples."""
+        mean_edge = self.parts.mesh.mean_edge
         with self.common.run.stages.stage("learn"):
-            return learn_store_noise(self.store, sigma, robust)
+            return learn_store_noise(self.store, mean_edge, sigma, robust)
 
     @cached_property
     def parts(self) -> MeshPart:

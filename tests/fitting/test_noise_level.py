@@ -5,7 +5,15 @@ from scanner_noise import along_normals, mean_edge_of
 from scarce_meshes import soup
 
 from bezier_filters import triangle_mesh
-from bezier_filters.fitting.noise_level import explain_unknown_noise, is_noisy, learn_mesh_noise
+from bezier_filters.fitting.mesh_neighbourhoods import MeshNeighbourhoods
+from bezier_filters.fitting.noise_level import (
+    MAX_NOISE_PER_EDGE,
+    estimate_noise,
+    explain_unknown_noise,
+    is_noisy,
+    learn_mesh_noise,
+)
+from bezier_filters.kernels.kernel_input import prepare_kernel_mesh
 from bezier_filters.meshes.prepared_mesh import prepare_mesh
 from bezier_filters.noise.noise_model import NoiseModel
 from bezier_filters.surfaces import torus
@@ -45,3 +53,12 @@ def test_noise_masks_edges_from_a_fiftieth_of_an_edge_on():
     mesh = prepare_mesh(triangle_mesh(RING.vertices, RING.faces))
     assert [is_noisy(mesh, level * EDGE) for level in (0.01, 0.03)] == [False, True]
     assert not is_noisy(mesh, None)
+
+
+def test_noise_that_would_make_edges_longer_is_shape():
+    """White noise of one edge makes edges 2 / sqrt(pi) edges long at least: shorter ones cannot have it."""
+    mesh = prepare_mesh(triangle_mesh(along_normals(RING, 0.2, 0), RING.faces))
+    source = MeshNeighbourhoods(prepare_kernel_mesh(mesh, creases=True))
+    sigma = estimate_noise(source, None, None, mesh.mean_edge).sigma
+    assert estimate_noise(source, None, None, 1.01 * sigma / MAX_NOISE_PER_EDGE).sigma == sigma
+    assert estimate_noise(source, None, None, 0.99 * sigma / MAX_NOISE_PER_EDGE) is None
