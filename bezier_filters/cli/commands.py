@@ -178,7 +178,7 @@ def report(
 
 def _inspect(source: Path, stage: console.Stage, *, skip: bool) -> tuple["CurrentMesh", "Report"]:
     """A mesh, and the report of `info`."""
-    from bezier_filters.meshes.diagnosis import diagnose, inspect_mesh, is_fit
+    from bezier_filters.meshes.diagnosis import can_be_repaired, diagnose, inspect_mesh, is_fit
     from bezier_filters.meshes.mesh import triangle_mesh
     from bezier_filters.meshlab.mesh_files import contents_of, load_mesh
     from bezier_filters.meshlab.meshset import read_current_mesh
@@ -201,6 +201,7 @@ def _inspect(source: Path, stage: console.Stage, *, skip: bool) -> tuple["Curren
         "noise": _noise_of(mesh) if mesh.face_count else None,
         "fit_for_fitting": is_fit(mesh, faults),
         "findings": diagnose(mesh, faults),
+        "can_be_repaired": can_be_repaired(faults),
         "contents": contents_of(ms),
     }
 

@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from bezier_filters.arrays import Report
+from bezier_filters.arrays import FloatArray, Report
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.fields import CURVATURE, ESTIMATES, PREFIX, QUALITY, TORSION, Field, fields_of, values_of
 from bezier_filters.fitting.fallbacks import fit_with_fallbacks
@@ -15,6 +15,11 @@ from bezier_filters.fitting.outlier_removal import rebase_displacements
 from bezier_filters.fitting.region_fits import count_part, fit_regions
 from bezier_filters.fitting.surface_fit import SurfaceFit
 from bezier_filters.fitting.vertex_geometry import FitChoice, VertexGeometry, empty_geometry
+from bezier_filters.meshes.adjacency import incoherent_vertices, vertex_adjacency
+from bezier_filters.meshes.face_sides import MIN_RELATIVE_VOLUME
+from bezier_filters.meshes.half_edges import proper_faces
+from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.meshes.triangles import area_vectors
 from bezier_filters.runtime.parallel import single_threaded_blas
 from bezier_filters.scale.array_file import Values
 from bezier_filters.scale.halo import TilePart, tile_part
@@ -149,9 +154,8 @@ def estimate_file(
         "attributes": chosen,
         "fit": asdict(_count_parts(fit, done)),
         "status": {code.name: count for code, count in status.items()},
-        "warnings": []
-        if any(code.has_curvature for code in status)
-        else [_no_curvature(max(status, key=lambda code: status[code]))],
+        "warnings": _status_warnings(status),
+        "remarks": _orientation_remarks(done),
         "halo_rings": rings_needed(fit),
         "dashboard": link or None,
     }
@@ -193,8 +197,51 @@ def estimate_tile(
     sums = {
         "status": [float(counts.get(status.name, 0)) for status in FitStatus],
         "parts": [float(part.vertices) for part in geometry.fit.parts],
+        "orientation": _orientation_sums(part, store.coordinates(0, 1)[0]),
     }
     return rows, TileReport(tile, len(part.ids), sums)
+
+
+def _status_warnings(counts: dict[FitStatus, int]) -> list[str]:
+    """A warning if no vertex has a curvature, or folds spoil most of them, as in memory."""
+    most, total = max(counts, key=lambda status: counts[status]), sum(counts.values())
+    if not any(status.has_curvature for status in counts):
+        return [_no_curvature(most)]
+    bad = sum(count for status, count in counts.items() if status >= FitStatus.FOLDED)
+    if most != FitStatus.FOLDED or 2 * bad < total:
+        return []
+    return [f"{bad:,} of {total:,} vertices have no curvature to rely on: {most.message}"]
+
+
+def _orientation_remarks(done: Round) -> list[str]:
+    """Remarks about wrong signs, by flipped faces or negative volume, from the sums over all tiles."""
+    incoherent, open_vertices, volume, area = done.sums("orientation")
+    if incoherent:
+        return [
+            f"at {int(incoherent):,} vertices, faces are flipped against others, or more than two meet at an edge: "
+            "signs may be wrong there (meshing_re_orient_faces_coherently)"
+        ]
+    if open_vertices or volume >= -MIN_RELATIVE_VOLUME * area**1.5:
+        return []
+    return [
+        "the closed surface has a negative volume, so that it is inside out: the signs of its curvatures and normals "
+        "are wrong (meshing_invert_face_orientation)"
+    ]
+
+
+def _orientation_sums(part: TilePart, origin: FloatArray) -> list[float]:
+    """Vertices of a tile with incoherent faces, and on borders; volume seen from a point (3,), and area, of its faces.
+
+    The units are 1, 1, length^3 and length^2.
+    """
+    vertices, proper = part.mesh.vertices, proper_faces(part.mesh.faces)
+    adjacency = vertex_adjacency(TriangleMesh(vertices, proper))
+    incoherent = incoherent_vertices(proper, adjacency)[part.own]
+    faces = part.mesh.faces[part.faces_of_tile()]
+    normals = area_vectors(vertices, faces)
+    volume = float(np.einsum("ij,ij->", vertices[faces[:, 0]] - origin, normals)) / 6.0
+    area = 0.5 * float(np.linalg.norm(normals, axis=1).sum())
+    return [float(incoherent.sum()), float(adjacency.on_boundary[part.own].sum()), volume, area]
 
 
 def _no_curvature(status: FitStatus) -> str:
