@@ -263,6 +263,10 @@ def demo(
     end_with_remarks(printable_path(out), {"warnings": list(dict.fromkeys(warnings))})
 
 
+_TOO_LITTLE_MEMORY = "there is not enough memory for this mesh; nothing was written"
+_NO_THREAD = "can't start new thread"  # Python's message
+
+
 def serve_command_line() -> None:
     """Run the command line in a child process, and end that."""
     from bezier_filters.runtime.supervision import serve
@@ -290,8 +294,10 @@ def _run() -> str:
     except (ValueError, OSError, ImportError, CancelledError) as error:
         return _one_line_message(error)
     except MemoryError:
-        return "there is not enough memory for this mesh; nothing was written"
+        return _TOO_LITTLE_MEMORY
     except Exception as error:
+        if isinstance(error, RuntimeError) and str(error) == _NO_THREAD:  # for want of memory for its stack
+            return _TOO_LITTLE_MEMORY
         # pymeshlab's exceptions share no base but Exception, and importing it here would be slow.
         if not any(base.__name__ == "PyMeshLabException" for base in type(error).__mro__):
             raise
