@@ -129,6 +129,7 @@ def _count_off(path: Path, head: bytes) -> MeshCounts:
             corners = first.astype(np.int64) - ord("0")
             triangles += int(np.maximum(corners - 2, 0).sum())
             is_odd |= block.has_odd() or block.has_long_number() or bool((second != ord(" ")).any())
+            is_odd |= bool((corners < _TRIANGLE_CORNERS).any())  # lines
             is_odd = is_odd or not _are_lists_below(block, announced[0], more=True)
             if not is_odd and (block.words_per_line() == corners + 2).any():
                 raise FieldFileError(

@@ -102,7 +102,8 @@ def estimate_file(
     Returns
     -------
     dict
-        Report: the choice of the fit, status counts, tiles, seconds and the most memory of any process.
+        Report: the choice of the fit, status counts, tiles, seconds and the most memory of any process; ``warnings``
+        (texts: why most vertices have no curvature) and ``remarks`` (texts on orientation).
 
     Raises
     ------

@@ -117,7 +117,8 @@ def smooth_file(
     Returns
     -------
     dict
-        Report, as of `estimate_file`; computed and damaged tiles are those of all rounds.
+        Report, as of `estimate_file`; computed and damaged tiles are those of all rounds. ``warnings`` say why
+        the automatic smoothing moved nothing.
 
     Raises
     ------

@@ -165,6 +165,14 @@ def test_sound_files_pass_without_a_word(name, tmp_path):
         np.testing.assert_array_equal(vertices, [[float(x) for x in row.split()] for row in ROWS])
 
 
+def test_lines_among_the_faces_of_off_files_are_named(tmp_path):
+    """They are allowed there, and no surface."""
+    path = written(tmp_path, "lines.off", off(faces=[*FACES[:2], (0, 1), (3, 4), *FACES[2:], (0, 1, 4, 3)]))
+    with pytest.warns(MeshFileNote, match="2 faces with fewer than three different corners were left out"):
+        _, faces = mesh_arrays(path)
+    assert len(faces) == len(FACES) + 2
+
+
 @pytest.mark.parametrize("suffix", SAVE_SUFFIXES)
 def test_what_is_written_is_counted_right(suffix, tmp_path):
     ms = MeshSet()
