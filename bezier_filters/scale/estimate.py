@@ -15,11 +15,11 @@ from bezier_filters.fitting.outlier_removal import rebase_displacements
 from bezier_filters.fitting.region_fits import count_part, fit_regions
 from bezier_filters.fitting.surface_fit import SurfaceFit
 from bezier_filters.fitting.vertex_geometry import FitChoice, VertexGeometry, empty_geometry
-from bezier_filters.meshes.adjacency import incoherent_vertices, vertex_adjacency
+from bezier_filters.meshes.adjacency import incoherent_vertices
 from bezier_filters.meshes.face_sides import MIN_RELATIVE_VOLUME
 from bezier_filters.meshes.half_edges import proper_faces
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.meshes.triangles import area_vectors
+from bezier_filters.meshes.prepared_mesh import prepare_mesh
 from bezier_filters.runtime.parallel import single_threaded_blas
 from bezier_filters.scale.array_file import Values
 from bezier_filters.scale.halo import TilePart, tile_part
@@ -29,6 +29,7 @@ from bezier_filters.scale.scheduling import Scheduler, dashboard
 from bezier_filters.scale.source import SourcePath, open_source
 from bezier_filters.scale.store import Store
 from bezier_filters.scale.tiles import TileReport, table_of
+from bezier_filters.smoothing.volume import ClosedComponents, component_volumes
 from bezier_filters.status import FitStatus
 from bezier_filters.surface_model.fit_options import FitOptions
 from bezier_filters.surface_model.model_tree import leaves
@@ -156,7 +157,7 @@ def estimate_file(
         "fit": asdict(_count_parts(fit, done)),
         "status": {code.name: count for code, count in status.items()},
         "warnings": _status_warnings(status),
-        "remarks": _orientation_remarks(done),
+        "remarks": _orientation_remarks(done, sum(status.values())),
         "halo_rings": rings_needed(fit),
         "dashboard": link or None,
     }
@@ -214,15 +215,16 @@ def _status_warnings(counts: dict[FitStatus, int]) -> list[str]:
     return [f"{bad:,} of {total:,} vertices have no curvature to rely on: {most.message}"]
 
 
-def _orientation_remarks(done: Round) -> list[str]:
+def _orientation_remarks(done: Round, vertex_count: int) -> list[str]:
     """Remarks about wrong signs, by flipped faces or negative volume, from the sums over all tiles."""
-    incoherent, open_vertices, volume, area = done.sums("orientation")
+    incoherent, open_vertices, volume, squares = done.sums("orientation")
     if incoherent:
         return [
             f"at {int(incoherent):,} vertices, faces are flipped against others, or more than two meet at an edge: "
             "signs may be wrong there (meshing_re_orient_faces_coherently)"
         ]
-    if open_vertices or volume >= -MIN_RELATIVE_VOLUME * area**1.5:
+    size = np.sqrt(squares / vertex_count)
+    if open_vertices or volume >= -MIN_RELATIVE_VOLUME * size**3:
         return []
     return [
         "the closed surface has a negative volume, so that it is inside out: the signs of its curvatures and normals "
@@ -231,18 +233,18 @@ def _orientation_remarks(done: Round) -> list[str]:
 
 
 def _orientation_sums(part: TilePart, origin: FloatArray) -> list[float]:
-    """Vertices of a tile with incoherent faces, and on borders; volume seen from a point (3,), and area, of its faces.
+    """Sums over a tile: vertices with incoherent faces, and on borders; volume and squared distances from a point (3,).
 
     The units are 1, 1, length^3 and length^2.
     """
-    vertices, proper = part.mesh.vertices, proper_faces(part.mesh.faces)
-    adjacency = vertex_adjacency(TriangleMesh(vertices, proper))
-    incoherent = incoherent_vertices(proper, adjacency)[part.own]
-    faces = part.mesh.faces[part.faces_of_tile()]
-    normals = area_vectors(vertices, faces)
-    volume = float(np.einsum("ij,ij->", vertices[faces[:, 0]] - origin, normals)) / 6.0
-    area = 0.5 * float(np.linalg.norm(normals, axis=1).sum())
-    return [float(incoherent.sum()), float(adjacency.on_boundary[part.own].sum()), volume, area]
+    mesh = prepare_mesh(part.mesh)
+    if len(mesh.adjacency.faces.indices) < mesh.faces.size:  # some faces repeat a vertex
+        mesh = prepare_mesh(TriangleMesh(mesh.vertices, proper_faces(mesh.faces)))
+    incoherent = incoherent_vertices(mesh.faces, mesh.adjacency)[part.own]
+    whole = ClosedComponents(np.zeros(mesh.vertex_count, np.int32), origin[np.newaxis])
+    volume = component_volumes(whole, TriangleMesh(mesh.vertices, part.mesh.faces[part.faces_of_tile()]))[0]
+    squares = np.square(mesh.vertices[part.own] - origin).sum()
+    return [float(incoherent.sum()), float(mesh.adjacency.on_boundary[part.own].sum()), float(volume), float(squares)]
 
 
 def _no_curvature(status: FitStatus) -> str:
@@ -256,6 +258,7 @@ def _no_curvature(status: FitStatus) -> str:
 def fit_tile(store: Store, fit: SurfaceFit, with_barriers: bool, tile: int) -> tuple[VertexGeometry, TilePart]:
     """Estimate the vertices of a tile as in the whole mesh; also returns the part of the mesh that was read."""
     part = tile_part(store, tile, rings_needed(fit))
+    part = replace(part, mesh=prepare_mesh(part.mesh))  # whose adjacency is used again
     arrays = mesh_to_fit(part.mesh, with_barriers, fit.cleaned, fit.smooth_normals)
     own = np.arange(part.own.start, part.own.stop, dtype=np.int32)
     arrays = arrays._replace(origin=np.arange(len(part.ids), dtype=np.int32) - own[0])
