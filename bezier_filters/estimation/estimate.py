@@ -31,6 +31,7 @@ from bezier_filters.kernels.kernel_input import (
     prepare_kernel_mesh,
     replace_vertices,
 )
+from bezier_filters.meshes.coordinate_steps import stair_variance
 from bezier_filters.meshes.mesh import TriangleMesh, check_selection, takes_arrays, triangle_mesh
 from bezier_filters.meshes.prepared_mesh import PreparedMesh, prepare_mesh
 from bezier_filters.meshes.spatial_order import SpatialOrder, has_locality, identity_order, sort_spatially
@@ -196,13 +197,13 @@ def estimate_vertex_geometry(
     axes = None if x_axis is None else _directions(x_axis, mesh, "x_axis")
     mask = None if selected is None else check_selection(selected, mesh.vertex_count)
     with first_call():
-        ordered, arrays = _prepare(sort_spatially(mesh), options, outside)
+        ordered, source = _prepare(sort_spatially(mesh), options, outside)
         if axes is not None:
-            arrays = arrays._replace(x_axes=axes[ordered.order])
+            source = replace(source, mesh=source.mesh._replace(x_axes=axes[ordered.order]))
         geometry = empty_geometry(mesh.vertex_count)
         if conditions:
             geometry = replace(geometry, condition_number=np.zeros(mesh.vertex_count))
-        return _estimate(mesh, ordered, arrays, options, lambda _: mask, geometry, outside=outside, progress=progress)
+        return _estimate(mesh, ordered, source, options, lambda _: mask, geometry, outside=outside, progress=progress)
 
 
 def geometry_where(mesh: PreparedMesh, select: Callable[[float | None], BoolArray]) -> VertexGeometry:
@@ -210,23 +211,27 @@ def geometry_where(mesh: PreparedMesh, select: Callable[[float | None], BoolArra
     with first_call():
         # sorting does not pay if few vertices are selected
         ordered = identity_order(mesh) if has_locality(mesh.adjacency) else sort_spatially(mesh)
-        ordered, arrays = _prepare(ordered, FitOptions(), None)
-        return _estimate(mesh, ordered, arrays, FitOptions(), select, empty_geometry(mesh.vertex_count))
+        ordered, source = _prepare(ordered, FitOptions(), None)
+        return _estimate(mesh, ordered, source, FitOptions(), select, empty_geometry(mesh.vertex_count))
 
 
-def _prepare(ordered: SpatialOrder, options: FitOptions, outside: FloatArray | None) -> tuple[SpatialOrder, KernelMesh]:
-    """Prepare a mesh, or a point cloud with vectors `outside` (n, 3) that point outwards, and its kernel input."""
+def _prepare(
+    ordered: SpatialOrder, options: FitOptions, outside: FloatArray | None
+) -> tuple[SpatialOrder, MeshNeighbourhoods]:
+    """Prepare a mesh, or a point cloud with vectors `outside` (n, 3) that point outwards, and its neighbourhoods."""
     if not ordered.mesh.face_count:
         adjacency, planes = point_cloud(ordered.mesh, None if outside is None else outside[ordered.order])
-        return ordered, kernel_mesh(ordered.mesh, adjacency, planes, None, ordered)
+        return ordered, MeshNeighbourhoods(kernel_mesh(ordered.mesh, adjacency, planes, None, ordered))
     mesh = prepare_mesh(ordered.mesh)
-    return replace(ordered, mesh=mesh), prepare_kernel_mesh(mesh, ordered, creases=not options.is_fixed)
+    floor = 0.0 if options.is_fixed else stair_variance(mesh)
+    arrays = prepare_kernel_mesh(mesh, ordered, creases=not options.is_fixed and not floor)
+    return replace(ordered, mesh=mesh), MeshNeighbourhoods(arrays, noise_floor=floor)
 
 
 def _estimate(
     given: TriangleMesh,
     ordered: SpatialOrder,
-    arrays: KernelMesh,
+    source: MeshNeighbourhoods,
     options: FitOptions,
     select: Callable[[float | None], BoolArray | None],
     geometry: VertexGeometry,
@@ -240,12 +245,12 @@ def _estimate(
     """
     is_cached = options.is_learned and given.vertex_count <= MAX_CACHED_VERTICES
     key = cache_key(given.vertices, given.faces, outside, options) if is_cached else None
-    known, root = look_up_fit(key), None
+    known, root, measured = look_up_fit(key), None, source.mesh.vertices
     if known is None:
-        fit, root, source, noise_free = _choose(given, ordered, arrays, options)
+        fit, root, source, noise_free = _choose(given, ordered, source, options)
     else:
         fit, noise_free = known.fit, known.noise_free
-        fitted = arrays._replace(barriers=known.barriers[ordered.order])
+        fitted = source.mesh._replace(barriers=known.barriers[ordered.order])
         if known.cleaned is not None:
             fitted = replace_vertices(fitted, known.cleaned[ordered.order])
         source = MeshNeighbourhoods(fitted)
@@ -253,7 +258,7 @@ def _estimate(
     ids = (np.arange(given.vertex_count) if mask is None else np.flatnonzero(mask[ordered.order])).astype(np.int32)
     choice, fit = _fit(source, ids, fit, root, options, geometry, progress)
     if fit.cleaned:
-        rebase_displacements(arrays.vertices, source.mesh, ids, geometry)
+        rebase_displacements(measured, source.mesh, ids, geometry)
     if root is not None and is_cached:
         cleaned = ordered.restore_order(source.mesh.vertices) if fit.cleaned else None
         cache_fit(key, CachedFit(fit, ordered.restore_order(source.mesh.barriers), noise_free, cleaned))
@@ -263,14 +268,14 @@ def _estimate(
 
 
 def _choose(
-    given: TriangleMesh, ordered: SpatialOrder, arrays: KernelMesh, options: FitOptions
+    given: TriangleMesh, ordered: SpatialOrder, source: MeshNeighbourhoods, options: FitOptions
 ) -> tuple[SurfaceFit, Leaf | None, MeshNeighbourhoods, FloatArray | None]:
     """Choose the fit of a mesh, again if sharp edges are found under its noise.
 
     Returns the fit, the model of the surface if it was learned, the neighbourhoods to fit, and the denoised vertices
     (n, 3) if they were needed.
     """
-    source, noise_free = MeshNeighbourhoods(arrays), None
+    noise_free: FloatArray | None = None
     fit, root = choose_fit(source, options)
     fitted = source.clean if fit.cleaned else source
     if root is not None and given.face_count and not options.robust:
@@ -281,7 +286,8 @@ def _choose(
             surface, edges = noise_free_surface(prepare_mesh(given), noise)
             noise_free, edges = surface.vertices, edges[ordered.order]
             if (edges & ~fitted.mesh.barriers).any():
-                source = MeshNeighbourhoods(arrays._replace(barriers=arrays.barriers | edges), edges)
+                mesh = source.mesh._replace(barriers=source.mesh.barriers | edges)
+                source = replace(source, mesh=mesh, edges=edges)
                 fit, root = choose_fit(source, options)
                 fitted = source.clean if fit.cleaned else source
     return fit, root, fitted, noise_free

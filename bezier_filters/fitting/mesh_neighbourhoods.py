@@ -20,6 +20,7 @@ class MeshNeighbourhoods:
 
     mesh: KernelMesh
     edges: BoolArray | None = None  # (n,): sharp edges under the noise, at which the search for outliers ends, too
+    noise_floor: float = 0.0  # least variance of the noise, that of rounded coordinates, length^2
 
     @property
     def vertex_count(self) -> int:
@@ -29,7 +30,7 @@ class MeshNeighbourhoods:
     @cached_property
     def clean(self) -> "MeshNeighbourhoods":
         """The same with the outliers moved onto the surface around them."""
-        return MeshNeighbourhoods(move_outliers(self.mesh, self.edges))
+        return MeshNeighbourhoods(move_outliers(self.mesh, self.edges), noise_floor=self.noise_floor)
 
     @cached_property
     def smooth_mesh(self) -> KernelMesh:

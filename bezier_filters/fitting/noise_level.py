@@ -6,6 +6,7 @@ import numpy as np
 
 from bezier_filters.fitting.mesh_neighbourhoods import MeshNeighbourhoods
 from bezier_filters.kernels.kernel_input import prepare_kernel_mesh
+from bezier_filters.meshes.coordinate_steps import stair_variance
 from bezier_filters.meshes.prepared_mesh import PreparedMesh
 from bezier_filters.noise.noise_model import NoiseModel, rescale_noise
 from bezier_filters.sampling.neighbourhood_samples import Neighbourhoods
@@ -49,7 +50,8 @@ def estimate_noise(
 
 
 def _neighbourhoods(mesh: PreparedMesh) -> MeshNeighbourhoods:
-    return MeshNeighbourhoods(prepare_kernel_mesh(mesh, creases=True))
+    floor = stair_variance(mesh)
+    return MeshNeighbourhoods(prepare_kernel_mesh(mesh, creases=not floor), noise_floor=floor)
 
 
 def is_noisy(mesh: PreparedMesh, sigma: float | None) -> bool:

@@ -52,6 +52,10 @@ class Neighbourhoods(Protocol):
         """Number of vertices of the surface."""
 
     @property
+    def noise_floor(self) -> float:
+        """Least variance of the noise, length^2."""
+
+    @property
     def clean(self) -> "Neighbourhoods":
         """The same with the outliers moved onto the surface around them."""
 

@@ -56,6 +56,7 @@ class StoreNeighbourhoods:
     store: Store
     creases: bool = True  # whether neighbourhoods end at sharp edges
     is_clean: bool = False  # whether the outliers are moved onto the surface around them
+    noise_floor: float = 0.0  # least variance of the noise, that of rounded coordinates, length^2
 
     @property
     def vertex_count(self) -> int:

@@ -78,12 +78,15 @@ def learn_surface(
             promising = promising and sample.usable[:, k].sum() >= MIN_USABLE_SHARE * sample.is_interior[:, k].sum()
             if promising or k == fixed or not (analyses or most):
                 most[k] = SAMPLES_PER_RING.get(k, SAMPLES_PER_RING[10])
-        found = analyse_rings(sample, most, vertex_count=source.vertex_count)
+        found = analyse_rings(sample, most, vertex_count=source.vertex_count, noise_floor=source.noise_floor)
         if not found:
             continue
         analyses += found
         if stage is stages[0]:
             correlated = learn_noise_covariance(analyses)
+            if correlated is not None:
+                missing = max(source.noise_floor - correlated.variance, 0.0)
+                correlated = replace(correlated, white=correlated.white + missing)
             # many unusable neighbourhoods: outliers may be the cause
             has_many = (~sample.usable[:, OUTLIER_RINGS]).mean() > MAX_UNUSABLE_FRACTION
             outliers = outlier_share(sample_at(OUTLIER_RINGS, count, "tolerant") if has_many else sample)
