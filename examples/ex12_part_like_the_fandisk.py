@@ -1,4 +1,4 @@
-"""A machined part with straight and curved edges loses some of them, and has them again (Fig. 10 of the paper).
+"""A machined part loses parts of straight and curved edges to holes; filling restores them (Fig. 10 of the paper).
 
 One sees a fan with a hole across both curved edges of its wall, one across a curved edge, one across a straight edge
 and one at a corner; the holes filled with a single patch each, which rounds what was sharp; filled in the paper's way,

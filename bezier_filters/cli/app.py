@@ -27,7 +27,7 @@ Exit status: 0 if all was done, 1 if files of a batch failed, 2 if the input was
 but needs a look; one line on stderr says why.
 
 A mesh named - is read from the standard input, or written as PLY to the standard output, where pipes are (not on
-Windows); what is said goes to stderr then.
+Windows); messages go to stderr then.
 
 BEZIER_FILTERS_THREADS sets the number of threads, as --threads does."""
 
@@ -186,12 +186,12 @@ def shell_message(message: str) -> str:
     >>> shell_message("max_diameter: got 0.0, expected a positive length, or None")
     '--max-diameter: got 0.0, expected a positive length'
     """
-    said = re.sub(r",? or None( to learn it)?", "", message).replace("the current mesh", "the mesh")
-    said = said.replace("skip=True", "--skip")
-    name, colon, text = said.partition(": ")
+    text = re.sub(r",? or None( to learn it)?", "", message).replace("the current mesh", "the mesh")
+    text = text.replace("skip=True", "--skip")
+    name, colon, rest = text.partition(": ")
     known = {item.name.replace("_", ""): item.name for table in PARAMETERS.values() for item in table}
     parameter = known.get(name.replace("_", ""))  # array functions have underscores, filters do not
-    return f"{_option_of(parameter) if parameter else name}{colon}{text}"
+    return f"{_option_of(parameter) if parameter else name}{colon}{rest}"
 
 
 def end_with_remarks(target: str, report: "Report") -> None:

@@ -124,7 +124,7 @@ def _stamp(path: Path) -> Stamp | None:
 
 @app.command(epilog="Example: bezier-filters info scan.ply")
 def info(source: Source, skip: Skip = False, json: Json = False) -> None:
-    """Say what is in a mesh or point cloud, how much noise there is, and whether it is fit for fitting."""
+    """Show the contents of a mesh or point cloud, its noise, and whether it is fit for fitting."""
     with console.stages(quiet=json) as stage:
         _, summary = _inspect(source, stage, skip=skip)
     if json:
@@ -150,7 +150,7 @@ def report(
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Write a page with the mesh, to be turned in a browser, and all that is known of it: one file, no network.
+    """Write a page with the mesh, to be turned in a browser, and its measurements: one file, no network.
 
     It shows curvature, torsion, error bars, status and sharp edges with legends and histograms, the output of info, and
     the mesh before and after smoothing and filling. A line drawn on the mesh has its profile.
@@ -180,9 +180,11 @@ def _inspect(source: Path, stage: console.Stage, *, skip: bool) -> tuple["Curren
     """A mesh, and the report of `info`."""
     from bezier_filters.meshes.diagnosis import diagnose, inspect_mesh, is_fit
     from bezier_filters.meshes.mesh import triangle_mesh
+    from bezier_filters.meshes.prepared_mesh import prepare_mesh
     from bezier_filters.meshlab.mesh_files import contents_of, load_mesh
     from bezier_filters.meshlab.meshset import read_current_mesh
     from bezier_filters.meshlab.topology import topology_of
+    from bezier_filters.noise.rounded_coordinates import describe_rounding
 
     stage(f"reading {printable_name(source)}")
     ms = load_mesh(source, skip=skip)
@@ -200,7 +202,7 @@ def _inspect(source: Path, stage: console.Stage, *, skip: bool) -> tuple["Curren
         "bounding_box": [mesh.vertices.min(axis=0).tolist(), mesh.vertices.max(axis=0).tolist()],
         "noise": _noise_of(mesh) if mesh.face_count else None,
         "fit_for_fitting": is_fit(mesh, faults),
-        "findings": diagnose(mesh, faults),
+        "findings": [*diagnose(mesh, faults), *filter(None, [describe_rounding(prepare_mesh(mesh))])],
         "contents": contents_of(ms),
     }
 

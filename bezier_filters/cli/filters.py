@@ -284,5 +284,5 @@ def run(
             console.out().print(f"{report.filter:<{width}}  {report.by:<14}  {report.seconds:7.2f} s", markup=False)
         console.print_written({"seconds": dict(enumerate(report.seconds for report in done))}, printable_path(target))
     found = [report.report for report in done]
-    said = {key: [text for report in found for text in report.get(key, [])] for key in ("remarks", "warnings")}
-    end_with_remarks(printable_path(target), said)
+    notes = {key: [text for report in found for text in report.get(key, [])] for key in ("remarks", "warnings")}
+    end_with_remarks(printable_path(target), notes)

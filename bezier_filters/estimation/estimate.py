@@ -11,7 +11,7 @@ from bezier_filters.errors import InvalidParameterError
 from bezier_filters.estimation.hidden_edges import hides_sharp_edges, noise_free_surface
 from bezier_filters.fitting.fallbacks import fit_with_fallbacks, overall_progress
 from bezier_filters.fitting.first_call import first_call
-from bezier_filters.fitting.mesh_neighbourhoods import MeshNeighbourhoods
+from bezier_filters.fitting.mesh_neighbourhoods import MeshNeighbourhoods, mesh_neighbourhoods
 from bezier_filters.fitting.model_cache import MAX_CACHED_VERTICES, CachedFit, cache_fit, cache_key, look_up_fit
 from bezier_filters.fitting.outlier_removal import rebase_displacements
 from bezier_filters.fitting.point_cloud import point_cloud
@@ -31,7 +31,6 @@ from bezier_filters.kernels.kernel_input import (
     prepare_kernel_mesh,
     replace_vertices,
 )
-from bezier_filters.meshes.coordinate_steps import stair_variance
 from bezier_filters.meshes.mesh import TriangleMesh, check_selection, takes_arrays, triangle_mesh
 from bezier_filters.meshes.prepared_mesh import PreparedMesh, prepare_mesh
 from bezier_filters.meshes.spatial_order import SpatialOrder, has_locality, identity_order, sort_spatially
@@ -78,14 +77,16 @@ def estimate_vertex_geometry(
     """Normals, curvatures, principal directions and torsion of a mesh or a point cloud at its vertices.
 
     A patch is fitted to the k-ring of every vertex, as a height field over the tangent plane, by
-    least squares with a smoothness that holds its higher terms back (after Li, Barsky, Jin, "An
+    least squares with a smoothness that penalises its higher terms (after Li, Barsky, Jin, "An
     effective third-order local fitting patch and its application", IEEE SMI 2009). Its
     derivatives at the vertex give the geometry.
 
-    By default the data choose: the noise of the mesh and the variation of its surface are learned
-    from a sample of neighbourhoods, and the neighbourhood, the degree and the weight of the
-    smoothness are those with the smallest predicted error of normal and curvature. With a number
-    for `alpha`, [alpha A; (1 - alpha) S] b = [alpha z; 0] is solved as in the paper;
+    By default the patch is a polynomial of some total degree, and the data choose: the noise of the
+    mesh and the variation of its surface are learned from a sample of neighbourhoods; they give the
+    prior of each higher term, and the neighbourhood and the degree are those with the smallest
+    predicted error of normal and curvature. With a number for `alpha` the patch is a tensor product
+    over the plane of the vertex normal, and [alpha A; (1 - alpha) S] b = [alpha z; 0] is solved as
+    in the paper;
     ``rings=2, alpha=0.8, smoothness="paper"`` is the paper's method to the letter, whose curvature
     is biased at every resolution.
 
@@ -223,9 +224,10 @@ def _prepare(
         adjacency, planes = point_cloud(ordered.mesh, None if outside is None else outside[ordered.order])
         return ordered, MeshNeighbourhoods(kernel_mesh(ordered.mesh, adjacency, planes, None, ordered))
     mesh = prepare_mesh(ordered.mesh)
-    floor = 0.0 if options.is_fixed else stair_variance(mesh)
-    arrays = prepare_kernel_mesh(mesh, ordered, creases=not options.is_fixed and not floor)
-    return replace(ordered, mesh=mesh), MeshNeighbourhoods(arrays, noise_floor=floor)
+    ordered = replace(ordered, mesh=mesh)
+    if options.is_fixed:
+        return ordered, MeshNeighbourhoods(prepare_kernel_mesh(mesh, ordered, with_barriers=False))
+    return ordered, mesh_neighbourhoods(mesh, ordered)
 
 
 def _estimate(
@@ -245,9 +247,9 @@ def _estimate(
     """
     is_cached = options.is_learned and given.vertex_count <= MAX_CACHED_VERTICES
     key = cache_key(given.vertices, given.faces, outside, options) if is_cached else None
-    known, root, measured = look_up_fit(key), None, source.mesh.vertices
+    known, whole, measured = look_up_fit(key), None, source.mesh.vertices
     if known is None:
-        fit, root, source, noise_free = _choose(given, ordered, source, options)
+        fit, whole, source, noise_free = _choose(given, ordered, source, options)
     else:
         fit, noise_free = known.fit, known.noise_free
         fitted = source.mesh._replace(barriers=known.barriers[ordered.order])
@@ -256,10 +258,10 @@ def _estimate(
         source = MeshNeighbourhoods(fitted)
     mask = select(fit.choice.noise_sigma)
     ids = (np.arange(given.vertex_count) if mask is None else np.flatnonzero(mask[ordered.order])).astype(np.int32)
-    choice, fit = _fit(source, ids, fit, root, options, geometry, progress)
+    choice, fit = _fit(source, ids, fit, whole, options, geometry, progress)
     if fit.cleaned:
         rebase_displacements(measured, source.mesh, ids, geometry)
-    if root is not None and is_cached:
+    if whole is not None and is_cached:
         cleaned = ordered.restore_order(source.mesh.vertices) if fit.cleaned else None
         cache_fit(key, CachedFit(fit, ordered.restore_order(source.mesh.barriers), noise_free, cleaned))
     if mask is not None:
@@ -276,21 +278,21 @@ def _choose(
     (n, 3) if they were needed.
     """
     noise_free: FloatArray | None = None
-    fit, root = choose_fit(source, options)
+    fit, whole = choose_fit(source, options)
     fitted = source.clean if fit.cleaned else source
-    if root is not None and given.face_count and not options.robust:
-        noise = root.surface.noise
+    if whole is not None and given.face_count and not options.robust:
+        noise = whole.surface.noise
         # under heavy noise no residual is large
         is_suspect = options.radius is not None or noise.heavy or _misses_edges(fitted.mesh, fit, noise.sigma)
         if is_suspect and hides_sharp_edges(prepare_mesh(ordered.mesh), noise):
-            surface, edges = noise_free_surface(prepare_mesh(given), noise)
-            noise_free, edges = surface.vertices, edges[ordered.order]
-            if (edges & ~fitted.mesh.barriers).any():
-                mesh = source.mesh._replace(barriers=source.mesh.barriers | edges)
-                source = replace(source, mesh=mesh, edges=edges)
-                fit, root = choose_fit(source, options)
+            surface, hidden_barriers = noise_free_surface(prepare_mesh(given), noise)
+            noise_free, hidden_barriers = surface.vertices, hidden_barriers[ordered.order]
+            if (hidden_barriers & ~fitted.mesh.barriers).any():
+                mesh = source.mesh._replace(barriers=source.mesh.barriers | hidden_barriers)
+                source = replace(source, mesh=mesh, hidden_barriers=hidden_barriers)
+                fit, whole = choose_fit(source, options)
                 fitted = source.clean if fit.cleaned else source
-    return fit, root, fitted, noise_free
+    return fit, whole, fitted, noise_free
 
 
 def _misses_edges(mesh: KernelMesh, fit: SurfaceFit, sigma: float) -> bool:
@@ -311,7 +313,7 @@ def _fit(
     source: MeshNeighbourhoods,
     ids: IntArray,
     fit: SurfaceFit,
-    root: Leaf | None,
+    whole: Leaf | None,
     options: FitOptions,
     geometry: VertexGeometry,
     progress: Progress | None,
@@ -322,17 +324,17 @@ def _fit(
     to be ignored.
     """
     arrays, first = source.smooth_mesh if fit.smooth_normals else source.mesh, ids
-    has_regions = root is not None and options.radius is None
-    if root is not None and has_regions:
+    has_regions = whole is not None and options.radius is None
+    if whole is not None and has_regions:
         probes = draw_from_mesh(arrays, PROBE_COUNT)
-        sampled = np.union1d(root.centers, probes).astype(np.int32)
+        sampled = np.union1d(whole.centers, probes).astype(np.int32)
         if len(ids) < len(arrays.vertices):
             first = np.union1d(ids, sampled).astype(np.int32)
     first_progress = overall_progress(progress, 0, len(ids))
     fit_with_fallbacks(arrays, first, fit.attempts, geometry, robust=fit.robust, progress=first_progress)
-    if root is not None and has_regions:
+    if whole is not None and has_regions:
         features = first_features(geometry, arrays.origin[sampled])
-        fit = add_regions(fit, root, source, options, probes, sampled, features)
+        fit = add_regions(fit, whole, source, options, probes, sampled, features)
     return fit_regions(arrays, ids, fit, geometry, progress=progress), fit
 
 

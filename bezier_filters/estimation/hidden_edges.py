@@ -34,4 +34,5 @@ def noise_free_surface(mesh: PreparedMesh, noise: NoiseModel) -> tuple[PreparedM
     edges = mesh_edges(surface)
     sharp = sharp_edges(surface, edges, surface.adjacency)
     is_inside = np.bincount(edges.vertices[sharp].ravel(), minlength=mesh.vertex_count) >= 2
-    return surface, is_inside & (found.sharpness >= MIN_EDGE_SHARPNESS)
+    hidden_barriers = is_inside & (found.sharpness >= MIN_EDGE_SHARPNESS)
+    return surface, hidden_barriers

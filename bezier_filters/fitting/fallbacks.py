@@ -14,6 +14,7 @@ from bezier_filters.kernels.kernel_input import (
     FOLDED_OVER,
     ILL_POSED,
     OUTCOMES,
+    UNTRIED,
     KernelFit,
     KernelMesh,
     VertexResults,
@@ -51,18 +52,18 @@ class FitAttempt:
     """One way to fit a vertex, tried on the vertices whose last outcome is in `after`."""
 
     status: FitStatus  # status of the vertices that it fits
-    after: frozenset[int]  # outcomes of the kernel
+    after: frozenset[int]  # outcomes, see `kernel_input.OUTCOMES`
     rings: int  # size of the neighbourhood in edges, unless there is a radius
     fit: PatchFit | FitSpec
     # whether the plane is normal to the mean normal of the neighbourhood, not to the vertex normal
     mean_plane: bool = False
     other_plane: bool = False  # whether it is the plane of a neighbour
-    # fraction of flipped normals that is allowed; if negative, not even a single face may fold
-    max_flipped_fraction: float = -1.0
-    by_crossings: bool = False  # whether, if that is negative, edges that cross in the plane make a fold, not faces
+    # fraction of flipped normals that is allowed; if None, not even a single face may fold
+    max_flipped_fraction: float | None = None
+    by_crossings: bool = False  # whether, if that is None, edges that cross in the plane make a fold, not faces
     # standard deviation of the heights, a length, for the standard errors of normal and curvatures; 0 for none
     noise: tuple[float, float] = (0.0, 0.0)
-    over_creases: bool = False  # whether the neighbourhood may reach across creases
+    ignores_barriers: bool = False  # whether the neighbourhood may reach across sharp edges
     fewest_points: int = 0  # fewer points count as ill posed
     radius: float | None = None  # of the ball that is the neighbourhood, a length
 
@@ -78,7 +79,7 @@ def fallback_chain(
     the rings.
     """
     ill_posed, folded = frozenset({ILL_POSED}), frozenset({FOLDED_OVER})
-    yield FitAttempt(FitStatus.OK, frozenset({FITTED}), rings, fit, radius=radius)
+    yield FitAttempt(FitStatus.OK, frozenset({UNTRIED}), rings, fit, radius=radius)
     for more in range(1, MAX_EXTRA_RINGS + 1):
         yield FitAttempt(FitStatus.WIDER_RING, ill_posed, rings + more, fit)
     paper = fallbacks == "paper"
@@ -126,7 +127,7 @@ def spec_chain(specs: Sequence[FitSpec], chosen: FitSpec, radius: float | None =
         )
 
     fewest = int(MIN_POINT_FRACTION * chosen.points) if radius is None else 0
-    yield replace(spec_attempt(FitStatus.OK, frozenset({FITTED}), chosen.rings, chosen, fewest), radius=radius)
+    yield replace(spec_attempt(FitStatus.OK, frozenset({UNTRIED}), chosen.rings, chosen, fewest), radius=radius)
     for spec in sorted((spec for spec in specs if spec.rings < chosen.rings), key=lambda spec: -spec.rings):
         yield spec_attempt(FitStatus.NARROWER_RING, folded, spec.rings, spec)
     narrowest, wider = (chosen.rings, chosen) if radius is None else (1, replace(chosen, weight_radius=np.inf))
@@ -135,7 +136,7 @@ def spec_chain(specs: Sequence[FitSpec], chosen: FitSpec, radius: float | None =
             FitStatus.WIDER_RING, ill_posed, narrowest + more, wider, fewest if more < MAX_EXTRA_RINGS else 0
         )
     for attempt in last_resorts(min(chosen.rings, 2)):
-        yield replace(attempt, noise=(chosen.normal_noise, chosen.curvature_noise), over_creases=True)
+        yield replace(attempt, noise=(chosen.normal_noise, chosen.curvature_noise), ignores_barriers=True)
 
 
 def fit_with_fallbacks(
@@ -155,7 +156,8 @@ def fit_with_fallbacks(
     """
     if not len(mesh.faces):  # without faces only normals show folds
         attempts = [
-            replace(one, max_flipped_fraction=max(one.max_flipped_fraction, MAX_FLIPPED_FRACTION)) for one in attempts
+            replace(one, max_flipped_fraction=max(one.max_flipped_fraction or 0.0, MAX_FLIPPED_FRACTION))
+            for one in attempts
         ]
     has_normal = np.empty(len(ids), dtype=np.bool_)
 
@@ -165,7 +167,7 @@ def fit_with_fallbacks(
     run_kernel(look, len(ids))
     geometry.status[mesh.origin[ids[~has_normal]]] = int(FitStatus.ISOLATED)
     unsettled = _select(has_normal, ids)
-    outcomes = np.full(len(unsettled), FITTED, dtype=np.int8)
+    outcomes = np.full(len(unsettled), UNTRIED, dtype=np.int8)
     tried = 0
     for attempt in attempts:
         concerned = np.array([outcome in attempt.after for outcome in OUTCOMES])[outcomes]
@@ -187,7 +189,7 @@ def fit_with_fallbacks(
 def fit_patches(mesh: TriangleMesh, rings: int, fit: PatchFit, *, progress: Progress | None = None) -> VertexGeometry:
     """Geometry of all vertices of a mesh by one patch fit with its fallbacks."""
     ordered = sort_spatially(mesh)
-    arrays = prepare_kernel_mesh(ordered.mesh, ordered, creases=False)
+    arrays = prepare_kernel_mesh(ordered.mesh, ordered, with_barriers=False)
     geometry = empty_geometry(mesh.vertex_count)
     every = np.arange(mesh.vertex_count, dtype=np.int32)
     fit_with_fallbacks(arrays, every, list(fallback_chain(rings, fit)), geometry, progress=progress)
@@ -217,9 +219,9 @@ def _run(
     progress: Progress | None,
 ) -> ByteArray:
     """Run the kernel on the vertices `ids`; return their outcomes."""
-    if attempt.by_crossings and attempt.max_flipped_fraction < 0.0:
+    if attempt.by_crossings and attempt.max_flipped_fraction is None:
         return _run_without_crossings(attempt, mesh, ids, geometry, robust, progress)
-    if attempt.over_creases:
+    if attempt.ignores_barriers:
         mesh = mesh._replace(barriers=hubs(mesh.ring_ptr))
     outcomes = np.empty(len(ids), dtype=np.int8)
     fit = kernel_fit(attempt, robust=robust)
@@ -287,7 +289,7 @@ def kernel_fit(attempt: FitAttempt, *, robust: bool = False) -> KernelFit:
         square=square,
         mean_plane=attempt.mean_plane,
         other_plane=attempt.other_plane,
-        most_turned=attempt.max_flipped_fraction,
+        max_flipped_fraction=-1.0 if attempt.max_flipped_fraction is None else attempt.max_flipped_fraction,
         highest_power=2 * fit.degree,
         any_axis=isinstance(fit, FitSpec),
         exponents=space.exponents,

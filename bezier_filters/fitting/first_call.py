@@ -19,7 +19,7 @@ from bezier_filters.fitting.mesh_neighbourhoods import MeshNeighbourhoods
 from bezier_filters.fitting.vertex_geometry import empty_geometry
 from bezier_filters.kernels.fit_kernel import fit_in_lanes
 from bezier_filters.kernels.graph_geometry import bound_errors
-from bezier_filters.kernels.kernel_input import FITTED, kernel_mesh, prepare_kernel_mesh
+from bezier_filters.kernels.kernel_input import UNTRIED, kernel_mesh, prepare_kernel_mesh
 from bezier_filters.meshes.adjacency import Adjacency, Rows
 from bezier_filters.meshes.frames import TangentPlanes
 from bezier_filters.meshes.mesh import triangle_mesh
@@ -51,7 +51,7 @@ def first_compilation(kernel: Any, compile_kernel: Callable[[], object], compile
     for the other kernels, which this process finds in the cache. If that process fails, they are compiled here on
     their first call.
     """
-    compiled = getattr(kernel, "signatures", True)  # or loaded in this process, or the JIT is off
+    compiled = getattr(kernel, "signatures", True)  # or loaded in this process, or the JIT is disabled
     folder = None if compiled else kernel.stats.cache_path
     if compiled or (folder and any(Path(folder).glob(f"*.{kernel.py_func.__name__}-*{SUFFIX}"))):
         yield
@@ -82,7 +82,7 @@ def compile_fit() -> None:
     mesh, nothing = triangle_mesh(np.zeros((1, 3)), []), Rows(np.zeros(2, np.int32), np.zeros(0, np.int32))
     planes = TangentPlanes(np.array([[0.0, 0.0, 1.0]]), np.zeros(1, np.float32))
     arrays = kernel_mesh(mesh, Adjacency(nothing, nothing, np.zeros(1, np.bool_)), planes)
-    attempt = FitAttempt(FitStatus.OK, frozenset({FITTED}), 1, QUADRATIC)
+    attempt = FitAttempt(FitStatus.OK, frozenset({UNTRIED}), 1, QUADRATIC)
     fit_with_fallbacks(arrays, np.zeros(1, np.int32), [attempt], empty_geometry(1))
 
 
@@ -90,7 +90,7 @@ def compile_the_rest() -> None:
     """Compile the kernels that prepare a mesh and learn from it, on a small sphere."""
     ball = sphere(resolution=8)
     ordered = sort_spatially(triangle_mesh(ball.vertices, ball.faces))
-    arrays = prepare_kernel_mesh(ordered.mesh, ordered, creases=True)
+    arrays = prepare_kernel_mesh(ordered.mesh, ordered, with_barriers=True)
     learn_surface(MeshNeighbourhoods(arrays), FitOptions())
     # regions of a surface may need it later
     bound_errors(arrays, np.zeros(0, np.int32), np.zeros(0), np.zeros(0), 0, 0)

@@ -28,18 +28,18 @@ NORMAL_GEOMETRIC_MEAN = np.exp(
 )  # of the absolute value of a standard normal variable
 
 
-def move_outliers(mesh: KernelMesh, edges: BoolArray | None = None) -> KernelMesh:
+def move_outliers(mesh: KernelMesh, hidden_barriers: BoolArray | None = None) -> KernelMesh:
     """Move every vertex with a large residual onto its own robust patch.
 
     The surface is learned from the result: otherwise outliers would count as noise and shape. Neighbourhoods end at the
-    sharp edges of the mesh without single spikes, and at `edges` (n,), if others are known.
+    sharp edges of the mesh without single spikes, and at `hidden_barriers` (n,), if they are known.
     """
     n = len(mesh.vertices)
     mesh = recompute_barriers(mesh)
     if len(mesh.faces):
         mesh = mesh._replace(vertices=move_folded_vertices(mesh.mesh_with_adjacency()).vertices)
-    if edges is not None:
-        mesh = mesh._replace(barriers=mesh.barriers | edges)
+    if hidden_barriers is not None:
+        mesh = mesh._replace(barriers=mesh.barriers | hidden_barriers)
     every = np.arange(n, dtype=np.int32)
     own = mesh._replace(origin=every)
     geometry = empty_geometry(n)

@@ -16,7 +16,7 @@ from bezier_filters.fitting.vertex_geometry import FitChoice, FitPart, VertexGeo
 from bezier_filters.kernels.graph_geometry import bound_errors
 from bezier_filters.kernels.kernel_input import KernelMesh
 from bezier_filters.runtime.parallel import Progress, run_kernel
-from bezier_filters.sampling.neighbourhood_samples import Neighbourhoods, SampleMode
+from bezier_filters.sampling.neighbourhood_samples import SampleMode
 from bezier_filters.status import FitStatus
 from bezier_filters.surface_model.fit_options import FitOptions
 from bezier_filters.surface_model.fit_spec import COST_EXPONENT, predict_under_model
@@ -34,6 +34,7 @@ from bezier_filters.surface_model.model_tree import (
     log_error_reduction,
     map_leaves,
 )
+from bezier_filters.surface_model.neighbourhoods import Neighbourhoods
 
 # A small region that the first fit does not follow hardly shows in the sample. Among more vertices, the probes, those
 # whose residual is at least this ratio times the standard deviation of the noise get their own model.
@@ -48,7 +49,7 @@ RESIDUAL_FEATURE = 1  # column of `first_features`
 
 def add_regions(
     fit: SurfaceFit,
-    root: Leaf,
+    whole: Leaf,
     source: Neighbourhoods,
     options: FitOptions,
     probes: IntArray,
@@ -60,7 +61,7 @@ def add_regions(
     `features` (k, 2) are the `first_features` of `vertices` (k,), which are in ascending order and include the sample
     of the model and the `probes`, drawn from all vertices.
     """
-    tree = grow_tree(root, vertices, features, options)
+    tree = grow_tree(whole, vertices, features, options)
     if not fit.robust:  # outliers have large residuals, too
         threshold = MIN_MISFIT_RATIO * max(leaf.surface.sigma for leaf in leaves(tree))
         residuals = features[np.searchsorted(vertices, probes), RESIDUAL_FEATURE]
@@ -69,30 +70,30 @@ def add_regions(
             mode: SampleMode = "smoothed" if fit.smooth_normals else "plain"
             learned = learn_surface(source, options, at=misfits, mode=mode)
             leaf = None if learned is None else learned.limit(options)
-            leaf, min_gain = _discard_noise_excess(leaf, root, options)
+            leaf, min_gain = _discard_noise_excess(leaf, whole, options)
             # if the leaf lacks the ring of the first fit, neighbourhoods of that width fold
-            if leaf is not None and not -np.inf < log_error_reduction(root.chosen, leaf) <= min_gain:
+            if leaf is not None and not -np.inf < log_error_reduction(whole.chosen, leaf) <= min_gain:
                 own = grow_tree(leaf, vertices, features, options, MAX_TREE_DEPTH - 1)
                 tree = Split(RESIDUAL_FEATURE, threshold, tree, own)
-    return fit if isinstance(tree, Leaf) else replace(fit, regions=map_leaves(tree, partial(_region_fit, root)))
+    return fit if isinstance(tree, Leaf) else replace(fit, regions=map_leaves(tree, partial(_region_fit, whole)))
 
 
-def _discard_noise_excess(leaf: Leaf | None, root: Leaf, options: FitOptions) -> tuple[Leaf | None, float]:
+def _discard_noise_excess(leaf: Leaf | None, whole: Leaf, options: FitOptions) -> tuple[Leaf | None, float]:
     """The leaf of the misfits with no more correlated noise than elsewhere, and the gain by which it must improve.
 
     Large residuals select places where correlated noise happens to be strong, so its variance is overestimated there.
     If there is no correlated noise elsewhere, it is shape.
     """
-    noise = root.surface.noise
+    noise = whole.surface.noise
     if leaf is None or leaf.surface.sigma <= noise.sigma or not (noise.sills or leaf.surface.noise.sills):
         return leaf, MIN_MISFIT_GAIN
     bounded = fit_leaf(leaf.analyses, options, noise, heavy=noise.heavy)
     return bounded, MIN_CORRELATED_SPLIT_GAIN if noise.sills else MIN_MISFIT_GAIN
 
 
-def _region_fit(root: Leaf, leaf: Leaf) -> SurfaceFit:
+def _region_fit(whole: Leaf, leaf: Leaf) -> SurfaceFit:
     """Fit of a region: its own specification, or that of the whole if another fit is not worth its time."""
-    before, spec, there = root.chosen, leaf.chosen, predict_under_model(root.chosen, leaf.surface)
+    before, spec, there = whole.chosen, leaf.chosen, predict_under_model(whole.chosen, leaf.surface)
     choice = FitChoice(spec.rings, spec.degree, None, leaf.surface.sigma)
     ratios = np.inf, np.inf
     # If the fit of the whole is exact, its standard errors are 0 and cannot be rescaled.

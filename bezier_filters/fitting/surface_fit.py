@@ -12,7 +12,6 @@ from bezier_filters.fitting.fallbacks import FitAttempt, fallback_chain, spec_ch
 from bezier_filters.fitting.vertex_geometry import FitChoice
 from bezier_filters.noise.noise_model import NoiseModel
 from bezier_filters.patches.patch_fit import DEGREES, PatchFit
-from bezier_filters.sampling.neighbourhood_samples import Neighbourhoods
 from bezier_filters.sampling.ring_analysis import MIN_SAMPLES
 from bezier_filters.surface_model.fit_options import FitOptions
 from bezier_filters.surface_model.learn import (
@@ -22,6 +21,7 @@ from bezier_filters.surface_model.learn import (
     learn_without_outliers,
 )
 from bezier_filters.surface_model.model_tree import Leaf, Tree
+from bezier_filters.surface_model.neighbourhoods import Neighbourhoods
 
 RADIUS_SAMPLES = 150  # neighbourhoods whose radius is measured
 DENSE_OUTLIER_SHARE = 0.1  # share of outliers from which on they flip normals everywhere, as heavy noise does
@@ -36,6 +36,7 @@ class SurfaceFit:
     smooth_normals: bool = False  # whether the frames follow smoothed normals, see `use_smoothed_normals`
     robust: bool = False  # whether points with large residuals lose their weight
     cleaned: bool = False  # whether outliers are moved onto the surface around them first
+    with_barriers: bool = True  # whether neighbourhoods end at the sharp edges of the mesh: for tiles
     regions: "Tree[SurfaceFit] | None" = None  # fits of the regions, by the features of the first fit
     # factors on the standard errors of normal and curvatures where a region keeps the first fit; infinite if unknown
     error_ratios: tuple[float, float] = (1.0, 1.0)
@@ -44,24 +45,24 @@ class SurfaceFit:
 def choose_fit(source: Neighbourhoods, options: FitOptions) -> tuple[SurfaceFit, Leaf | None]:
     """Choose the parameters that the options leave open, one choice for all vertices.
 
-    The fit is robust if there are outliers, unless the options say so or deny it. The second result is the surface
+    The fit is robust if there are outliers, unless `robust` is given. The second result is the surface
     model, to which regions may be added; None if nothing was learned, or all parameters are given.
     """
     if options.radius is not None:
         return _choose_ball_fit(source, options)
     learned = learn_without_outliers(source, options) if options.is_learned else None
-    root = None if learned is None else learned.limit(options)
+    whole = None if learned is None else learned.limit(options)
     robust = bool(options.robust)
-    if root is None:
+    if whole is None:
         noise, rings = None, 2
     else:
-        noise, rings = root.surface.noise, root.chosen.rings
+        noise, rings = whole.surface.noise, whole.chosen.rings
         robust = robust or (options.robust is None and noise.outliers > 0.0)
         if options.patch is None:
-            choice = _add_noise(FitChoice(rings, root.chosen.degree, None, None), noise)
-            attempts = tuple(spec_chain(root.specs, root.chosen))
+            choice = _add_noise(FitChoice(rings, whole.chosen.degree, None, None), noise)
+            attempts = tuple(spec_chain(whole.specs, whole.chosen))
             smooth_normals = noise.heavy or noise.outliers > DENSE_OUTLIER_SHARE
-            return SurfaceFit(choice, attempts, smooth_normals, robust, cleaned=robust), root
+            return SurfaceFit(choice, attempts, smooth_normals, robust, cleaned=robust), whole
     rings = options.ring_count or rings
     fit = options.patch or patch_of_degrees(options.degrees)
     choice = _add_noise(FitChoice(rings, fit.degree, fit.alpha, None), noise)

@@ -130,9 +130,10 @@ def fill_holes(
     default they lie on the zero set of a polyharmonic spline. It interpolates the points of five rings and the normals
     of their Bezier patches; on noisy meshes it smooths them, with a smoothing parameter estimated by restricted maximum
     likelihood (REML). If there is no such surface, or if its fill intersects the mesh, simpler fills are tried, and the
-    report says so. A hole whose fills all intersect other faces stays open unless `intersecting` is set. The old
-    vertices and faces do not change. Borders that coincide have no width and stay open, and so do borders that meet a
-    non-manifold edge, with more than two faces or with two of opposite orientation; `reason` says where.
+    report says so. Sharp edges that run into a hole are continued through it. A hole whose fills all intersect other
+    faces stays open unless `intersecting` is set. The old vertices and faces do not change. Borders that coincide have
+    no width and stay open, and so do borders that meet a non-manifold edge, with more than two faces or with two of
+    opposite orientation; `reason` says where.
 
     ``method="paper"`` lifts the Delaunay triangulation of the rim in the plane of the hole to one bicubic patch and
     corrects it to pass through the rim (Li, Barsky, Jin, "An effective third-order local fitting patch and its

@@ -18,7 +18,7 @@ from bezier_filters.meshes.frames import (
     Vector,
     farthest_direction,
     farthest_edge,
-    folding_share,
+    fraction_flipped,
     mean_normal,
     tangential_part,
     unit_face_normal,
@@ -46,8 +46,8 @@ def write_plane(
     if fit.other_plane:
         nx, ny, nz = neighbour_normal(mesh, members, inner, neighbours)
         folded = nx == 0.0 and ny == 0.0 and nz == 0.0
-    elif fit.most_turned >= 0.0:
-        folded = folding_share(mesh.normals, members, inner, nx, ny, nz) > fit.most_turned
+    elif fit.max_flipped_fraction >= 0.0:
+        folded = fraction_flipped(mesh.normals, members, inner, nx, ny, nz) > fit.max_flipped_fraction
     else:
         folded = folds(mesh, members, inner, nx, ny, nz)
     if folded:

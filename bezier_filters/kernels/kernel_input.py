@@ -17,7 +17,8 @@ FITTED = 0
 NO_FRAME = 1  # the vertex has no face, or its face normals cancel out
 ILL_POSED = 2  # the points do not determine the polynomial, or do not resolve its curvature
 FOLDED_OVER = 3  # the neighbourhood folds over when projected onto the plane
-OUTCOMES = (FITTED, NO_FRAME, ILL_POSED, FOLDED_OVER)
+UNTRIED = 4  # no attempt was made yet; the kernel does not return it
+OUTCOMES = (FITTED, NO_FRAME, ILL_POSED, FOLDED_OVER, UNTRIED)
 
 # Valence of a vertex that neighbourhoods may extend across. Around the tip of a fan of n faces, each of the n
 # neighbourhoods would otherwise have n points.
@@ -77,10 +78,12 @@ def hubs(ring_ptr: IntArray) -> BoolArray:
     return np.asarray(np.diff(ring_ptr) > MAX_VALENCE)
 
 
-def prepare_kernel_mesh(mesh: TriangleMesh, ordered: SpatialOrder | None = None, *, creases: bool) -> KernelMesh:
-    """Collect a mesh, its adjacency, its tangent planes and, on request, its sharp edges for the kernels."""
+def prepare_kernel_mesh(mesh: TriangleMesh, ordered: SpatialOrder | None = None, *, with_barriers: bool) -> KernelMesh:
+    """Collect a mesh, its adjacency, its tangent planes and, on request, barriers at sharp edges for the kernels."""
     prepared = prepare_mesh(mesh)
-    return kernel_mesh(prepared, prepared.adjacency, prepared.planes, prepared.barriers if creases else None, ordered)
+    return kernel_mesh(
+        prepared, prepared.adjacency, prepared.planes, prepared.barriers if with_barriers else None, ordered
+    )
 
 
 def use_smoothed_normals(mesh: KernelMesh) -> KernelMesh:
@@ -119,7 +122,8 @@ class KernelFit(NamedTuple):
     any_axis: bool  # whether the result is invariant under rotation of the x axis
     mean_plane: bool
     other_plane: bool
-    most_turned: float  # largest fraction of vertices with flipped normals; if negative, no face may fold over
+    # largest allowed fraction of vertices with flipped normals; if negative, not even a single face may fold over
+    max_flipped_fraction: float
     highest_power: int
     exponents: IntArray
     starts: IntArray  # index of s^a t^0 for each a in lexicographic order

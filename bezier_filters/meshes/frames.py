@@ -137,7 +137,7 @@ def _normals_without_area(
 
 
 @inner_jit()
-def folding_share(normals: FloatArray, members: IntArray, count: int, nx: float, ny: float, nz: float) -> float:
+def fraction_flipped(normals: FloatArray, members: IntArray, count: int, nx: float, ny: float, nz: float) -> float:
     """Share of members[:count] with vertex normals more than `MAX_FACE_TILT` away from (nx, ny, nz).
 
     Noise folds single faces of a wide neighbourhood. Where the surface itself folds, the vertex normals

@@ -51,7 +51,7 @@ def register() -> None:
     Raises
     ------
     BezierFilterError
-        If `pymeshlab.MeshSet` has something else of such a name; then nothing is added.
+        If `pymeshlab.MeshSet` has another attribute of one of these names; then nothing is added.
 
     Examples
     --------

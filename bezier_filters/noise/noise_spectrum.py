@@ -116,12 +116,13 @@ def learn_noise_covariance(analyses: Sequence[RingAnalysis]) -> NoiseModel | Non
     flattest = of_flattest or (flat if is_short else None)
     if flattest is None:
         return None
-    left = widest.sums.residuals[:, -1] / np.maximum(widest.sums.freedom[:, -1], 1.0)
-    most = _fit_noise_model(used, causes, _flattest_centers(widest, left, MAJORITY_FRACTION), half=False) or flat
-    whiter = max(most.white / flattest.white, 1.0) if flattest.white > 0.0 else 1.0
-    ratio = sum(most.sills) / sum(flattest.sills) / whiter
-    believed = (1.0 + (ratio / HOMOGENEOUS_VARIANCE_RATIO) ** 6) ** (-1.0 / 3.0)
-    return replace(most, sills=tuple(float(believed * sill) for sill in most.sills))
+    residual_squares = widest.sums.residuals[:, -1] / np.maximum(widest.sums.freedom[:, -1], 1.0)
+    calm = _flattest_centers(widest, residual_squares, MAJORITY_FRACTION)
+    majority = _fit_noise_model(used, causes, calm, half=False) or flat
+    white_ratio = max(majority.white / flattest.white, 1.0) if flattest.white > 0.0 else 1.0
+    ratio = sum(majority.sills) / sum(flattest.sills) / white_ratio
+    trusted_share = (1.0 + (ratio / HOMOGENEOUS_VARIANCE_RATIO) ** 6) ** (-1.0 / 3.0)
+    return replace(majority, sills=tuple(float(trusted_share * sill) for sill in majority.sills))
 
 
 def _fit_noise_model(

@@ -227,8 +227,8 @@ function placed(x, y) {
 function lined(from, to) { state.line = Math.hypot(to[0] - from[0], to[1] - from[1]) > 1e-4 ? {turn: state.turn.slice(), from, to} : null; cut(); draw(); }
 function read(event) {
   const box = event.target, i = Math.round((curves.distances.length - 1) * Math.min(1, Math.max(0, (event.offsetX - 64) / (box.clientWidth - 76))));
-  const told = curves.field && curves.values.length ? [`${curves.field.label} ${curves.values.map(values => number(values[i])).join(" \u00b1 ")} ${curves.field.unit}`] : [];
-  $("read").textContent = `At ${number(curves.distances[i])}: ` + [...told, `height ${curves.heights.map(values => number(values[i])).join(" before, ")}${curves.heights[1] ? " after" : ""}`].join("; ");
+  const readings = curves.field && curves.values.length ? [`${curves.field.label} ${curves.values.map(values => number(values[i])).join(" \u00b1 ")} ${curves.field.unit}`] : [];
+  $("read").textContent = `At ${number(curves.distances[i])}: ` + [...readings, `height ${curves.heights.map(values => number(values[i])).join(" before, ")}${curves.heights[1] ? " after" : ""}`].join("; ");
 }
 
 // what users do
@@ -244,7 +244,7 @@ element("option", "off", $("compare")).value = "";
 data.comparisons.forEach(([name, text]) => { element("option", text, $("compare")).value = name; });
 const compare = name => {
   state.compare = name; $("compare").value = name; $("split").hidden = !name;
-  $("told").textContent = (data.comparisons.find(([other]) => other === name) || ["", "", ""])[2]; cut(); draw();
+  $("comparison-note").textContent = (data.comparisons.find(([other]) => other === name) || ["", "", ""])[2]; cut(); draw();
 };
 $("comparison").hidden = !data.comparisons.length; $("known").hidden = !data.facts.length; $("cutting").hidden = !meshes.scan.count;
 $("lines").hidden = !meshes.ridges && !meshes.ravines;

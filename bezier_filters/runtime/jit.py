@@ -92,7 +92,7 @@ class _Announcements(Listener):
     """Logs a message before each kind of kernel is compiled; loads from the cache are not compilations."""
 
     def __init__(self) -> None:
-        self.said: set[str] = set()
+        self.reported: set[str] = set()
 
     def on_start(self, event: Any) -> None:
         """Announce each kind once, and the fit a second time for its robust variant."""
@@ -103,8 +103,8 @@ class _Announcements(Listener):
         message = _KERNEL_KINDS[kind] + " where there are outliers" * (
             kind == "kernels" and len(function.signatures) > 0
         )
-        if message not in self.said:
-            self.said.add(message)
+        if message not in self.reported:
+            self.reported.add(message)
             _logger.warning(
                 "compiling the kernels that %s; this takes 10 to 30 seconds, once per installation", message
             )

@@ -1,18 +1,16 @@
 """Random samples of neighbourhoods, projected to local coordinates over their tangent planes.
 
-They come from a mesh in memory or from a store of tiles: see `Neighbourhoods`.
-
 Vertices are drawn by stratified sampling: one from each of equal intervals of the vertex numbers.
 """
 
 from collections.abc import Callable
-from typing import Literal, NamedTuple, Protocol
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.kernels.kernel_input import KernelMesh, recompute_barriers
-from bezier_filters.meshes.frames import farthest_direction, folding_share, mean_normal
+from bezier_filters.meshes.frames import farthest_direction, fraction_flipped, mean_normal
 from bezier_filters.meshes.neighbourhoods import clear_marks, next_ring
 from bezier_filters.runtime.jit import inner_jit, jit, opaque
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
@@ -20,7 +18,7 @@ from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
 SAMPLE_CHUNK = 32  # neighbourhoods per chunk
 NORMAL_CHECK_RINGS = 2  # rings in which flipped normals are counted
 MAX_NEIGHBOURHOOD_POINTS = 450  # points of the largest usable neighbourhood
-# fraction of flipped normals, more than 90 degrees off the plane, in a usable neighbourhood
+# fraction of flipped normals, more than 90 degrees from the plane normal, in a usable neighbourhood
 MAX_FLIPPED_FRACTION = 0.02
 MAX_FLIPPED_BY_OUTLIERS = 0.25  # the same in the search for outliers, which flip more normals
 
@@ -44,31 +42,11 @@ class NeighbourhoodSample(NamedTuple):
     flipped_fraction: FloatArray
 
 
-class Neighbourhoods(Protocol):
-    """The neighbourhoods of a surface, whose vertices lie in memory or in a store."""
-
-    @property
-    def vertex_count(self) -> int:
-        """Number of vertices of the surface."""
-
-    @property
-    def noise_floor(self) -> float:
-        """Least variance of the noise, length^2."""
-
-    @property
-    def clean(self) -> "Neighbourhoods":
-        """The same with the outliers moved onto the surface around them."""
-
-    def draw(self, count: int) -> IntArray:
-        """Draw up to `count` vertices that have a normal, in random order: see `draw_vertices`."""
-
-    def sample(self, vertices: IntArray, rings: int, mode: SampleMode) -> NeighbourhoodSample:
-        """Sample the neighbourhoods of some vertices, out to a widest ring."""
-
-
-def sample_by_mode(mesh: KernelMesh, ids: IntArray, rings: int, mode: SampleMode) -> NeighbourhoodSample:
-    """Neighbourhoods of the vertices `ids` of a mesh in memory in one of the modes."""
-    if mode == "tolerant":
+def sample_by_mode(
+    mesh: KernelMesh, ids: IntArray, rings: int, mode: SampleMode, *, keep_barriers: bool = False
+) -> NeighbourhoodSample:
+    """Neighbourhoods of the vertices `ids` of a mesh in memory in one of the modes, on request with its barriers."""
+    if mode == "tolerant" and not keep_barriers:
         mesh = recompute_barriers(mesh)
     most = MAX_FLIPPED_BY_OUTLIERS if mode == "tolerant" else MAX_FLIPPED_FRACTION
     return sample_neighbourhoods(mesh, ids, rings=rings, max_flipped_fraction=most)
@@ -173,8 +151,8 @@ def _project_sample(
             if nx == 0.0 and ny == 0.0 and nz == 0.0:
                 continue
             if k == NORMAL_CHECK_RINGS:
-                sample.flipped_fraction[row] = folding_share(mesh.normals, members, count, nx, ny, nz)
-            if folding_share(mesh.normals, members, inner, nx, ny, nz) > max_flipped_fraction:
+                sample.flipped_fraction[row] = fraction_flipped(mesh.normals, members, count, nx, ny, nz)
+            if fraction_flipped(mesh.normals, members, inner, nx, ny, nz) > max_flipped_fraction:
                 continue
             sample.usable[row, k] = True
             plane_count = count

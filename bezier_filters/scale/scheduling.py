@@ -178,11 +178,11 @@ def run_command_line(job: tuple[int, Sequence[str]]) -> tuple[int, Outcome]:
         env={THREADS_VARIABLE: "1", **child_environment()},
         check=False,
     )
-    seconds, said = time.perf_counter() - start, done.stderr.strip().splitlines()
+    seconds, messages = time.perf_counter() - start, done.stderr.strip().splitlines()
     if done.returncode in (0, EXIT_INCOMPLETE):
         return index, Outcome(json.loads(done.stdout), "", seconds)
-    has_said_why = said and done.returncode > 0
-    error = said[-1].removeprefix("bezier-filters: ") if has_said_why else describe_exit(done.returncode)
+    has_message = messages and done.returncode > 0
+    error = messages[-1].removeprefix("bezier-filters: ") if has_message else describe_exit(done.returncode)
     return index, Outcome(None, error, seconds)
 
 

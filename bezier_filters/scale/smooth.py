@@ -235,9 +235,9 @@ def finish_tile(
     return rows, TileReport(tile, len(part.ids), sums)
 
 
-def move_tile(first: Store, current: Store, fit: SurfaceFit, creases: bool, tile: int) -> tuple[Values, TileReport]:
+def move_tile(first: Store, current: Store, fit: SurfaceFit, tile: int) -> tuple[Values, TileReport]:
     """Vertices of a tile on their patches, and their distances from the first mesh."""
-    geometry, part = fit_tile(current, fit, creases, tile)
+    geometry, part = fit_tile(current, fit, tile)
     displacements = np.zeros_like(part.mesh.vertices)
     displacements[part.own] = geometry.displacements
     points = part.mesh.vertices + admissible_displacements(prepare_mesh(part.mesh), displacements)
@@ -253,7 +253,7 @@ def _smooth_onto_patches(run: Run, iterations: int, options: FitOptions) -> Repo
         results = run.results({"quantity": "patches", "options": asdict(options), "step": step})
         with run.stages.stage("learn"):
             fit = learn_fit(current, options)
-        move = partial(move_tile, run.store, current, fit, not options.is_fixed)
+        move = partial(move_tile, run.store, current, fit)
         current, done = run_round(run, f"step {step + 1}", results, move)
     run.write(done.tiles)
     return run.report() | {

@@ -18,6 +18,7 @@ from bezier_filters.noise.noise_model import NoiseModel
 from bezier_filters.runtime.atomic import atomic_write
 from bezier_filters.runtime.cached_property import cached_property
 from bezier_filters.runtime.parallel import Progress
+from bezier_filters.sampling.mesh_parts import MAX_WHOLE_VERTICES, MeshPart, reorder_part
 from bezier_filters.scale.array_file import ArrayFile, Values
 from bezier_filters.scale.components import StoredComponents, label_vertices, merge_components
 from bezier_filters.scale.halo import TilePart, tile_part
@@ -31,10 +32,9 @@ from bezier_filters.smoothing.denoise import (
     SmoothingPlan,
     denoise,
     halo_rings,
-    learn_plan,
+    learn_and_denoise,
 )
 from bezier_filters.smoothing.impulses import Impulses, remove_impulses
-from bezier_filters.smoothing.mesh_parts import MAX_WHOLE_VERTICES, MeshPart, reorder_part
 from bezier_filters.smoothing.noise import ROUGHNESS_RINGS, roughest_vertices, roughness
 from bezier_filters.smoothing.rounds import move_mesh_outliers, unfold_surface
 from bezier_filters.smoothing.sliding import SLIDING_RINGS
@@ -81,7 +81,7 @@ class StoredSurface:
             return sample_store_parts(self.store)
 
     def points_of(self, ids: IntArray) -> FloatArray:
-        """Coordinates (k, 3) of the sampled vertices, which are the same for all surfaces."""
+        """Coordinates (k, 3) of vertices of the sampled parts, whose ids are the same for all surfaces."""
         return np.asarray(self.parts.mesh.vertices[np.searchsorted(self.parts.ids, ids)])
 
     def move_outliers(self) -> "StoredSurface":
@@ -106,7 +106,7 @@ class StoredSurface:
             if is_first and store.layout.face_count > 0 and not measured.sums("incoherent")[0]:
                 common.components = merge_components(run.store, measured.tiles)
         with run.stages.stage("learn"):
-            learned = learn_plan(sample_store_parts(store, around), noise, options)
+            learned = learn_and_denoise(sample_store_parts(store, around), noise, options)
         plan = None if learned is None else learned[0]
         reach, folder = halo_rings(plan) + (FINISH_RINGS if unfold else 0), common.results / f"smooth-{name}"
         components, fixed = common.components if common.is_last else None, options.borders == "fixed"
@@ -121,7 +121,7 @@ class StoredSurface:
         store, _ = run_round(self.common.run, "correct", folder, job)
         return replace(self, store=store)
 
-    def adopt(self, parts: MeshPart, denoised: DenoisedMesh) -> "StoredSurface | None":
+    def reuse_if_whole(self, parts: MeshPart, denoised: DenoisedMesh) -> "StoredSurface | None":
         """None: parts are denoised in memory, and the surface in its store."""
         return None
 
@@ -198,9 +198,9 @@ def smooth_tile(
     stored: StoredComponents | None,
     tile: int,
 ) -> tuple[Values, TileReport]:
-    """Smoothed vertices of a tile after an iteration, and weights of sharp estimates.
+    """Smoothed vertices of a tile after a round, and weights of sharp estimates.
 
-    `first` and `current` are the mesh before all iterations and before this one, the latter possibly without outliers.
+    `first` and `current` are the mesh before all rounds and before this one, the latter possibly without outliers.
     There is no plan without significant noise. `reach` is the width of the halo in rings. Fixed borders stay. The
     volumes of closed components are reported if `stored` is given.
     """

@@ -6,8 +6,8 @@ of the face normals, which does not average over differences that noise cannot e
 normals. More rounds give sharper estimates. Stein's unbiased risk estimate (see `risk`) decides which estimates are
 used, and with which shares they are mixed around each vertex.
 
-The global parameters are learned from parts of a mesh (`learn_plan`) and then applied to all of it, or tile by tile
-(`denoise`). A mesh that is not large is its own sample, and learning already gives the result.
+The global parameters are learned from parts of a mesh (`learn_and_denoise`) and then applied to all of it, or tile by
+tile (`denoise`). A mesh that is not large is its own sample, and learning already gives the result.
 """
 
 from collections.abc import Collection, Iterator
@@ -20,6 +20,7 @@ from bezier_filters.arrays import FloatArray, SingleArray
 from bezier_filters.meshes.prepared_mesh import PreparedMesh
 from bezier_filters.noise.noise_model import NoiseModel
 from bezier_filters.runtime.parallel import Progress, report
+from bezier_filters.sampling.mesh_parts import MAX_WHOLE_VERTICES, MeshPart, sample_parts, whole_mesh
 from bezier_filters.smoothing.clusters import Clusters, clusters_of
 from bezier_filters.smoothing.laplacian import Borders, umbrella_laplacian
 from bezier_filters.smoothing.low_pass import (
@@ -31,7 +32,6 @@ from bezier_filters.smoothing.low_pass import (
     max_strength,
     shares_of,
 )
-from bezier_filters.smoothing.mesh_parts import MAX_WHOLE_VERTICES, MeshPart, sample_parts, whole_mesh
 from bezier_filters.smoothing.noise import (
     DEFAULT_TIME_SCALE,
     MIN_NOISE_PER_EDGE,
@@ -130,7 +130,7 @@ def remove_noise(
     parts = sample_parts(mesh, around)
     is_whole = parts.mesh is mesh
     shown = progress if is_whole else None
-    learned = learn_plan(parts, noise, options, progress=shown)
+    learned = learn_and_denoise(parts, noise, options, progress=shown)
     if learned is None:
         return DenoisedMesh(mesh.vertices.copy(), np.zeros(mesh.vertex_count))
     plan, result = learned
@@ -140,7 +140,7 @@ def remove_noise(
     return denoise(whole, plan, clusters, progress=progress)
 
 
-def learn_plan(
+def learn_and_denoise(
     parts: MeshPart, noise: NoiseModel, options: SmoothingOptions, *, progress: Progress | None = None
 ) -> tuple[SmoothingPlan, DenoisedMesh] | None:
     """Learn the global parameters from parts of a mesh, and denoise the parts; None if the noise is negligible.
@@ -173,12 +173,12 @@ def learn_plan(
     risks = np.zeros((len(clusters.sizes), 1))
     for candidate in others:
         tried = [*found, candidate]
-        less_noise = noise_factor(_stack_estimates(tried), parts.core)
-        estimates = _stack_estimates(tried, less_noise)
+        tried_factor = noise_factor(_stack_estimates(tried), parts.core)
+        estimates = _stack_estimates(tried, tried_factor)
         overall = overall_risks(estimates, parts.core)
         these = local_risks(clusters, estimates, overall, correlation.variance_inflation)
         if mean_gain(clusters, these, -1) > MIN_RISK_GAIN:
-            found, factor, risks = tried, less_noise, these
+            found, factor, risks = tried, tried_factor, these
         elif candidate.kind > FIRST_SHARP_KIND:
             break
     # Estimates that were better than weaker ones may not be better than sharper ones.
@@ -197,9 +197,9 @@ def learn_plan(
 def denoise(
     part: MeshPart, plan: SmoothingPlan, clusters: Clusters | None = None, *, progress: Progress | None = None
 ) -> DenoisedMesh:
-    """Remove the noise from a mesh, or from a tile with `halo_rings` around its vertices, by a plan of `learn_plan`.
+    """Remove the noise from a mesh, or from a tile with `halo_rings` around its vertices, by a plan.
 
-    Its clusters may be given, with any time scale.
+    The plan is learned by `learn_and_denoise`. The clusters may be given, with any time scale.
     """
     scaled = _normalise(part, plan.center, plan.scale)
     clusters = replace(clusters or clusters_of(scaled, plan.cluster_time_scale), time_scale=plan.cluster_time_scale)

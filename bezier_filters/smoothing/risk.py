@@ -79,13 +79,13 @@ def local_risks(
     # A difference of squared residuals has four times the variance of the difference of the estimates.
     variances = np.maximum(4.0 * variance_inflation / AVERAGED_VERTICES * around[:, count:], 0.0)
     squares = np.square(local)
-    believed = np.divide(
+    trusted_share = np.divide(
         np.maximum(squares - SHRINKAGE_THRESHOLD * variances, 0.0),
         squares,
         out=np.zeros_like(squares),
         where=squares > 0.0,
     )
-    result: FloatArray = overall + believed * local
+    result: FloatArray = overall + trusted_share * local
     return result
 
 

@@ -18,10 +18,10 @@ from bezier_filters.meshes.spikes import move_folded_vertices
 from bezier_filters.noise.noise_model import NoiseModel
 from bezier_filters.runtime.cached_property import cached_property
 from bezier_filters.runtime.parallel import Progress
+from bezier_filters.sampling.mesh_parts import MeshPart, sample_parts
 from bezier_filters.smoothing.denoise import DenoisedMesh, SmoothingOptions, remove_noise
 from bezier_filters.smoothing.flipped_faces import repair_flipped_faces
 from bezier_filters.smoothing.impulses import MAX_IMPULSE_ROUNDS, Impulses, has_settled, learn_impulses, remove_impulses
-from bezier_filters.smoothing.mesh_parts import MeshPart, sample_parts
 
 MAX_OUTLIER_ROUNDS = 3  # rounds of outlier removal
 MAX_REMAINING_OUTLIERS = 0.01  # share of outliers that needs no further round: edges look like outliers after the first
@@ -53,7 +53,7 @@ class NoisySurface(Protocol):
     def remove_impulses(self: Surface, smooth: Surface, impulses: Impulses) -> Surface:
         """The measured surface without the impulses that a smooth one shows."""
 
-    def adopt(self: Surface, parts: MeshPart, denoised: DenoisedMesh) -> Surface | None:
+    def reuse_if_whole(self: Surface, parts: MeshPart, denoised: DenoisedMesh) -> Surface | None:
         """The surface that is already denoised, if the sampled parts are all of it; else None."""
 
 
@@ -70,7 +70,7 @@ def denoise_surface(
         return _denoise_in_rounds(measured, noise, options, progress=progress)
     parts = measured.parts
     are_noise, found = _choose_outliers_or_noise(parts, noise, options, progress=progress)
-    whole = measured.adopt(parts, found)
+    whole = measured.reuse_if_whole(parts, found)
     if whole is not None:
         return whole
     if are_noise:
@@ -174,14 +174,14 @@ class _MeshInMemory:
         points = remove_impulses(self.mesh.vertices, smooth.mesh, impulses)
         return replace(self, mesh=self.mesh.move(points))
 
-    def adopt(self, parts: MeshPart, denoised: DenoisedMesh) -> "_MeshInMemory | None":
+    def reuse_if_whole(self, parts: MeshPart, denoised: DenoisedMesh) -> "_MeshInMemory | None":
         is_whole = parts.mesh is self.mesh
         return _MeshInMemory(self.mesh.move(denoised.points), denoised.sharpness) if is_whole else None
 
 
 def move_mesh_outliers(mesh: PreparedMesh) -> PreparedMesh:
     """Move the outliers of a mesh onto the surface around them."""
-    return mesh.move(move_outliers(prepare_kernel_mesh(mesh, creases=False)).vertices)
+    return mesh.move(move_outliers(prepare_kernel_mesh(mesh, with_barriers=False)).vertices)
 
 
 def unfold_surface(mesh: PreparedMesh, points: FloatArray) -> FloatArray:

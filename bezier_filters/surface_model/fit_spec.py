@@ -311,17 +311,18 @@ def _term_prior(ring: RingModel, degree: int, noise: float, quartic: float) -> F
     """Noise variance over the variance of each term up to a degree, (m,); 0 for the free terms."""
     basis = harmonic_basis()
     m = basis.term_count(degree)
-    said = np.ones(m)
-    said[: len(ring.analysis.energies)] = ring.analysis.energies[:m]
+    information = np.ones(m)
+    information[: len(ring.analysis.energies)] = ring.analysis.energies[:m]
     # Correlated noise resembles terms of low degree more than residuals.
-    likeness = ring.noise.score_variances / max(float(ring.noise.residuals[min(degree, ring.analysis.degree)]), 1e-300)
-    of_terms = np.full(m, noise)
-    groups = basis.groups[: min(m, len(likeness))]  # equal for both terms of a frequency: no direction is preferred
-    of_groups = np.bincount(groups, weights=likeness[: len(groups)]) / np.bincount(groups)
-    of_terms[: len(groups)] *= of_groups[groups]
-    least = np.maximum(of_terms / (MAX_PRIOR * np.maximum(said, 1e-300)), 1e-300)
+    residual_noise = float(ring.noise.residuals[min(degree, ring.analysis.degree)])
+    noise_ratios = ring.noise.score_variances / max(residual_noise, 1e-300)
+    term_noise = np.full(m, noise)
+    groups = basis.groups[: min(m, len(noise_ratios))]  # equal for both terms of a frequency: no direction is preferred
+    group_ratios = np.bincount(groups, weights=noise_ratios[: len(groups)]) / np.bincount(groups)
+    term_noise[: len(groups)] *= group_ratios[groups]
+    least = np.maximum(term_noise / (MAX_PRIOR * np.maximum(information, 1e-300)), 1e-300)
     variances = ring.quartic.variances(ring.variances, quartic)[:m]
-    return np.where(basis.degrees[:m] <= FREE_DEGREE, 0.0, of_terms / np.maximum(variances, least))
+    return np.where(basis.degrees[:m] <= FREE_DEGREE, 0.0, term_noise / np.maximum(variances, least))
 
 
 def _predict_errors(ring: RingModel, spec: FitSpec) -> FitSpec:
@@ -347,7 +348,7 @@ def _calibrate_noise(ring: RingModel, spec: FitSpec) -> FitSpec:
     if ring.noise.model.sills:
         equations = replace(equations, noise=LONG_WAVE_INFLATION * equations.noise)
     variances = ring.quartic.variances(ring.upper_variances, spec.quartic, upper=True)
-    expected, claimed = mean_squared_errors(equations, variances), posterior_variances(equations)
+    expected, stated = mean_squared_errors(equations, variances), posterior_variances(equations)
     with np.errstate(invalid="ignore", divide="ignore"):
-        normal, curvature = (float(np.nan_to_num(np.sqrt(e / c))) for e, c in zip(expected, claimed, strict=True))
+        normal, curvature = (float(np.nan_to_num(np.sqrt(e / s))) for e, s in zip(expected, stated, strict=True))
     return replace(spec, normal_noise=normal, curvature_noise=curvature)

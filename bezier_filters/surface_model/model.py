@@ -94,16 +94,16 @@ def learn_surface_model(
             values, errors = _shrink(values, errors, scale * models[-1].variances, scale * wider_errors)
         if analysis.rings in of_whole:
             values, errors = _shrink(values, errors, of_whole[analysis.rings], np.zeros(len(values)))
-        believed, upper_variances = (
+        variances, upper_variances = (
             _enforce_decay(
                 np.where(free | np.isinf(errors), 0.0, posterior_mean_variance(values, errors, odds)), values, errors
             )
             for odds in (PRIOR_RANGE, UPPER_PRIOR_RANGE)
         )
-        modelled = float((analysis.sums.unexplained @ believed).sum() / analysis.sums.freedom[:, -1].sum())
+        modelled = float((analysis.sums.unexplained @ variances).sum() / analysis.sums.freedom[:, -1].sum())
         unmodelled = max(float(analysis.mean_squares[-1]) - of_ring.residuals[-1] - modelled, 0.0)
         quartic = known_model.quartic if known_model is not None and whole is None else learn_quartic_mean(of_ring)
-        models.append(RingModel(analysis, of_ring, believed, upper_variances, unmodelled, quartic))
+        models.append(RingModel(analysis, of_ring, variances, upper_variances, unmodelled, quartic))
         wider_errors = errors
     return SurfaceModel(noise, tuple(reversed(models)))
 
@@ -131,14 +131,14 @@ def _reliable_analyses(analyses: Sequence[RingAnalysis]) -> Sequence[RingAnalysi
     return [analysis for analysis in analyses if analysis.rings >= MIN_NOISE_RINGS] or analyses
 
 
-def _enforce_decay(believed: FloatArray, values: FloatArray, errors: FloatArray) -> FloatArray:
+def _enforce_decay(variances: FloatArray, values: FloatArray, errors: FloatArray) -> FloatArray:
     """Bound the variances so that they decay with the degree, except where the data are significant.
 
     Where polynomials converge, a term is not larger than the terms one degree lower, or than a quarter of the terms two
     degrees lower (its variance than a sixteenth), as on a sphere whose radius is that of the neighbourhood.
     """
     degrees = harmonic_basis().degrees
-    result = believed.copy()
+    result = variances.copy()
     curved = degrees == FREE_DEGREE
     largest = {FREE_DEGREE - 1: 0.0, FREE_DEGREE: float((values + SIGNIFICANT_STANDARD_ERRORS * errors)[curved].max())}
     for degree in range(FREE_DEGREE + 1, HIGHEST_DEGREE + 1):

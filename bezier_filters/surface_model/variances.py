@@ -34,5 +34,5 @@ def posterior_mean_variance(
     log_density, log_share = -0.5 * x * x - 0.5 * np.log(2.0 * np.pi), log_ndtr(x)
     ratio = np.exp(log_density - log_share)
     with np.errstate(invalid="ignore"):  # infinite standard errors: the variance is unknown
-        believed: FloatArray = standard_errors * (x + ratio) / (1.0 + prior_range * ratio)
-    return np.where(certain, np.maximum(surplus, 0.0), believed)
+        posterior: FloatArray = standard_errors * (x + ratio) / (1.0 + prior_range * ratio)
+    return np.where(certain, np.maximum(surplus, 0.0), posterior)

@@ -50,7 +50,7 @@ def correlated_noise(adjacency: Adjacency, count: int, averages: int = 2) -> Flo
 
 def learn(vertices: FloatArray, faces: IntArray) -> Leaf:
     """The surface model of a mesh, with its fit specifications."""
-    arrays = prepare_kernel_mesh(triangle_mesh(vertices, faces), creases=True)
+    arrays = prepare_kernel_mesh(triangle_mesh(vertices, faces), with_barriers=True)
     leaf = learn_surface(MeshNeighbourhoods(arrays), FitOptions())
     if leaf is None:
         raise ValueError("the mesh determines no surface model")

@@ -1,7 +1,7 @@
 """Draws the pictures of docs/smoothing.md: python docs/images/smoothing.py [MESH ...].
 
 Every mesh, and the bunny of pymeshlab, gets noise of a fifth of its mean edge, and is shown before and after.
-Faces are drawn flat, one by one, so that nothing hides what is left of the noise.
+Faces are drawn with flat shading, which shows the remaining noise.
 """
 
 import sys

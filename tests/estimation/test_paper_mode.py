@@ -114,7 +114,7 @@ def test_with_any_small_s_it_is_so_too(mesh, count, alpha, rings, seed):
     affine = np.linalg.qr(np.stack([np.ones(16), i, j], axis=1))[0]
     rows -= rows @ affine @ affine.T  # as the paper's S does: else the patch is no height field
     fit = GivenRows(3, alpha, rows=tuple(map(tuple, rows.tolist())))
-    arrays = prepare_kernel_mesh(triangle_mesh(vertices, faces), creases=False)
+    arrays = prepare_kernel_mesh(triangle_mesh(vertices, faces), with_barriers=False)
     geometry = empty_geometry(len(vertices))
     chosen = np.flatnonzero(some_of(vertices, seed)).astype(np.int32)
     fit_with_fallbacks(arrays, chosen, list(fallback_chain(rings, fit, fallbacks="paper")), geometry)

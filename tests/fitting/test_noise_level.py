@@ -58,7 +58,7 @@ def test_noise_masks_edges_from_a_fiftieth_of_an_edge_on():
 def test_noise_that_would_make_edges_longer_is_shape():
     """White noise of one edge makes edges 2 / sqrt(pi) edges long at least: shorter ones cannot have it."""
     mesh = prepare_mesh(triangle_mesh(along_normals(RING, 0.2, 0), RING.faces))
-    source = MeshNeighbourhoods(prepare_kernel_mesh(mesh, creases=True))
+    source = MeshNeighbourhoods(prepare_kernel_mesh(mesh, with_barriers=True))
     sigma = estimate_noise(source, None, None, mesh.mean_edge).sigma
     assert estimate_noise(source, None, None, 1.01 * sigma / MAX_NOISE_PER_EDGE).sigma == sigma
     assert estimate_noise(source, None, None, 0.99 * sigma / MAX_NOISE_PER_EDGE) is None

@@ -127,7 +127,7 @@ def test_a_scan_with_detail_as_long_as_its_noise_keeps_its_fit(deleted, turned, 
 def test_parts_of_a_surface_that_is_exact_elsewhere_have_fits_of_their_own(exact):
     """Standard errors of 0, as a flat whole has, are no unit for those of a part."""
     surface = bumpy_star(resolution=12, jitter=0.2)
-    arrays = prepare_kernel_mesh(triangle_mesh(surface.vertices, surface.faces), creases=True)
+    arrays = prepare_kernel_mesh(triangle_mesh(surface.vertices, surface.faces), with_barriers=True)
     leaf = learn_surface(MeshNeighbourhoods(arrays), FitOptions())
     assert not _region_fit(leaf, leaf).attempts
     part = _region_fit(replace(leaf, chosen=replace(leaf.chosen, **{exact: 0.0})), leaf)

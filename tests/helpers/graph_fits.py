@@ -11,7 +11,7 @@ from bezier_filters.fitting.fallbacks import FitAttempt, fit_with_fallbacks
 from bezier_filters.fitting.vertex_geometry import empty_geometry
 from bezier_filters.kernels import fit_workspace as places
 from bezier_filters.kernels import graph_geometry as kernel
-from bezier_filters.kernels.kernel_input import FITTED, kernel_mesh
+from bezier_filters.kernels.kernel_input import UNTRIED, kernel_mesh
 from bezier_filters.meshes.frames import TangentPlanes
 from bezier_filters.runtime.lanes import LANES, lane_array
 
@@ -23,7 +23,7 @@ def fit_over_plane_z(x, y, z, fit, rings, ids=None, noise=(0.0, 0.0)):
     normals = np.tile([0.0, 0.0, 1.0], (len(x), 1))
     arrays = kernel_mesh(mesh, adjacency, TangentPlanes(normals, np.full(len(x), 2.0)))
     geometry = empty_geometry(len(x))
-    attempt = FitAttempt(FitStatus.OK, frozenset({FITTED}), rings, fit, max_flipped_fraction=1.0, noise=noise)
+    attempt = FitAttempt(FitStatus.OK, frozenset({UNTRIED}), rings, fit, max_flipped_fraction=1.0, noise=noise)
     ids = np.arange(len(x), dtype=np.int32) if ids is None else ids
     fit_with_fallbacks(arrays, ids, [attempt], geometry)
     return geometry

@@ -86,7 +86,7 @@ def meshes_fitted(mesh, geometry, mode):
     """
     if geometry.fit.noise_sigma is None:
         return [mesh]
-    arrays = prepare_kernel_mesh(mesh, creases=True)
+    arrays = prepare_kernel_mesh(mesh, with_barriers=True)
     cleaned = replace(mesh, vertices=move_outliers(arrays).vertices)
     return [cleaned] if mode == "robust" else [mesh, cleaned]
 

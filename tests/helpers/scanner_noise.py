@@ -62,7 +62,7 @@ def in_all_directions(vertices, faces, level, seed=0):
 
 def learned(vertices, faces):
     """The correlated noise that narrow rings tell of, as in the package; None if it is white."""
-    mesh = prepare_kernel_mesh(triangle_mesh(vertices, faces), creases=True)
+    mesh = prepare_kernel_mesh(triangle_mesh(vertices, faces), with_barriers=True)
     sample = sample_by_mode(mesh, draw_from_mesh(mesh, SAMPLES_PER_RING[2]), FIRST_STAGE_MAX_RINGS, "plain")
     rings = {k: SAMPLES_PER_RING[k] for k in range(1, FIRST_STAGE_MAX_RINGS + 1)}
     return learn_noise_covariance(analyse_rings(sample, rings, vertex_count=len(vertices)))

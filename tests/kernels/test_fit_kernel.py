@@ -50,7 +50,7 @@ def test_condition_numbers_change_nothing_else():
 def test_standard_errors_are_no_larger_than_what_faces_hold():
     """Over the height of a face a surface turns by pi at most."""
     vertices, faces = noisy_torus()
-    arrays = prepare_kernel_mesh(triangle_mesh(vertices, faces), creases=False)
+    arrays = prepare_kernel_mesh(triangle_mesh(vertices, faces), with_barriers=False)
     ids = np.arange(0, len(vertices), 2, dtype=np.int32)
     of_mean, of_gaussian = np.full((2, len(vertices)), 1e9)
     bound_errors(arrays, ids, of_mean, of_gaussian, 0, len(ids))

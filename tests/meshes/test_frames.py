@@ -134,7 +134,7 @@ def test_steady_normals_are_means_over_neighbours_taken_again_and_again():
 def test_steady_normals_are_nearer_to_the_truth_under_noise_that_turns_single_ones():
     surface = sphere(resolution=16, jitter=0.2)
     mesh = prepare_kernel_mesh(
-        triangle_mesh(in_all_directions(surface.vertices, surface.faces, 0.5), surface.faces), creases=True
+        triangle_mesh(in_all_directions(surface.vertices, surface.faces, 0.5), surface.faces), with_barriers=True
     )
     steady = use_smoothed_normals(mesh)
     before, after = (np.einsum("ij,ij->i", one.normals, surface.normals) for one in (mesh, steady))
@@ -146,7 +146,7 @@ def test_steady_normals_are_nearer_to_the_truth_under_noise_that_turns_single_on
 def test_steady_normals_do_not_cross_stops():
     """What happens on one side of the edges of a block leaves the other sides as they are."""
     vertices, faces = block_with_sharp_edges(resolution=10)
-    mesh = prepare_kernel_mesh(triangle_mesh(vertices, faces), creases=True)
+    mesh = prepare_kernel_mesh(triangle_mesh(vertices, faces), with_barriers=True)
     on_top = (vertices[:, 2] > vertices[:, 2].max() - 1e-9) & ~mesh.barriers
     inside = ~on_top & ~mesh.barriers
     assert mesh.barriers.any()

@@ -1,5 +1,6 @@
-"""The Python examples and the commands of the README and of the pages for users run."""
+"""Examples and commands of the README and of the pages run, and what pages name is there."""
 
+import ast
 import re
 import shlex
 import shutil
@@ -211,6 +212,36 @@ def test_every_public_name_has_a_reference():
     pages = "\n".join(page.read_text(encoding="utf-8") for page in (ROOT / "docs").rglob("*.md"))
     described = {name.rpartition(".")[2] for name in re.findall(r"^::: ([\w.]+)", pages, re.MULTILINE)}
     assert set(re.findall(r" as (\w+)", stub)) - described == {"__version__"}
+
+
+# --- glossary -------------------------------------------------------------------------------------
+
+
+@cache
+def names_defined_in(path):
+    """Functions, classes, their methods, and variables that a module of the package defines, without their owners."""
+    nodes = list(ast.walk(ast.parse((ROOT / "bezier_filters" / path).read_text(encoding="utf-8"))))
+    defined = {node.name for node in nodes if isinstance(node, ast.FunctionDef | ast.ClassDef)}
+    return defined | {node.id for node in nodes if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)}
+
+
+def cells_of_glossary():
+    """The last column of every row, without rows that name nothing."""
+    rows = re.findall(r"^\|.*\|$", (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8"), re.MULTILINE)
+    for row in rows:
+        term, *_, cell = re.split(r"(?<!\\)\|", row.strip("|"))
+        if "`" in cell:
+            yield pytest.param(re.findall(r"`([^`]+)`", cell), id=term.strip().replace(" ", "-"))
+
+
+@pytest.mark.parametrize("names", list(cells_of_glossary()))
+def test_glossary_names_what_the_code_has(names):
+    """In the files of the cell or, if it has none, anywhere."""
+    every = [path.relative_to(ROOT / "bezier_filters").as_posix() for path in (ROOT / "bezier_filters").rglob("*.py")]
+    files = [name for name in names if name.endswith(".py")]
+    assert set(files) <= set(every)
+    defined = set().union(*map(names_defined_in, files or every))
+    assert [name for name in names if name not in files and not defined.issuperset(name.split("."))] == []
 
 
 # --- mathematics ----------------------------------------------------------------------------------

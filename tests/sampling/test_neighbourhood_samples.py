@@ -13,7 +13,7 @@ RINGS = 4
 
 
 def sample_of(vertices, faces, ids, max_flipped_fraction=0.0):
-    mesh = prepare_kernel_mesh(triangle_mesh(vertices, faces), creases=True)
+    mesh = prepare_kernel_mesh(triangle_mesh(vertices, faces), with_barriers=True)
     rows = np.flatnonzero(np.isin(mesh.origin, ids)).astype(np.int32)
     found = sample_neighbourhoods(mesh, rows, rings=RINGS, max_flipped_fraction=max_flipped_fraction)
     return mesh, found
@@ -59,7 +59,7 @@ def test_rings_that_reach_a_border_are_not_interior():
 def test_rings_with_too_many_flipped_normals_are_not_usable(allowed):
     """One normal in the ring of the vertex points inwards."""
     ball = sphere(resolution=12)
-    mesh = prepare_kernel_mesh(triangle_mesh(ball.vertices, ball.faces), creases=True)
+    mesh = prepare_kernel_mesh(triangle_mesh(ball.vertices, ball.faces), with_barriers=True)
     center = 40
     flipped = mesh.normals.copy()
     flipped[mesh.mesh_with_adjacency().adjacency.vertices.row(center)[0]] *= -1.0
@@ -80,7 +80,7 @@ def test_one_vertex_is_drawn_from_each_interval(count):
     """Of the user's numbers, whatever the order in memory; vertices without a normal are none."""
     ball = sphere(resolution=12)
     lone = np.vstack([ball.vertices, np.full((50, 3), 9.0)])
-    mesh = prepare_kernel_mesh(triangle_mesh(lone, ball.faces), creases=True)
+    mesh = prepare_kernel_mesh(triangle_mesh(lone, ball.faces), with_barriers=True)
     found = np.sort(mesh.origin[draw_from_mesh(mesh, count)])
     n = len(ball.vertices)
     ends = np.linspace(0, n, min(n, count) + 1).astype(int)

@@ -20,7 +20,7 @@ def test_samples_are_the_same_to_the_last_bit(make, mode, is_clean, tmp_path):
     vertices, faces = shuffled(*make())
     store = build_store(open_source(save_arrays(tmp_path, vertices, faces)), tmp_path, 256)
     ordered = sort_spatially(triangle_mesh(vertices, faces))
-    memory = MeshNeighbourhoods(prepare_kernel_mesh(ordered.mesh, ordered, creases=True))
+    memory = MeshNeighbourhoods(prepare_kernel_mesh(ordered.mesh, ordered, with_barriers=True))
     stored = StoreNeighbourhoods(store)
     assert stored.vertex_count == memory.vertex_count == len(vertices)
     drawn = memory.draw(40)
@@ -36,7 +36,7 @@ def test_clean_neighbourhoods_have_no_outliers(tmp_path):
     vertices, faces = noisy()
     far = vertices.copy()
     far[100] *= 1.3
-    memory = MeshNeighbourhoods(prepare_kernel_mesh(triangle_mesh(far, faces), creases=True))
+    memory = MeshNeighbourhoods(prepare_kernel_mesh(triangle_mesh(far, faces), with_barriers=True))
     assert np.linalg.norm(memory.clean.mesh.vertices[100] - vertices[100]) < 0.2 * np.linalg.norm(
         far[100] - vertices[100]
     )

@@ -10,8 +10,8 @@ from bezier_filters import smooth
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.meshes.prepared_mesh import prepare_mesh
 from bezier_filters.noise.noise_model import NoiseModel
-from bezier_filters.smoothing.denoise import SmoothingOptions, denoise, halo_rings, learn_plan, remove_noise
-from bezier_filters.smoothing.mesh_parts import sample_parts, whole_mesh
+from bezier_filters.sampling.mesh_parts import sample_parts, whole_mesh
+from bezier_filters.smoothing.denoise import SmoothingOptions, denoise, halo_rings, learn_and_denoise, remove_noise
 from bezier_filters.surfaces import bumpy_star, ellipsoid, sphere, torus
 
 pytestmark = pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")
@@ -26,7 +26,7 @@ def noisy_star():
 def test_parts_with_rings_around_are_smoothed_as_the_whole(make):
     mesh = prepare_mesh(triangle_mesh(*make()))
     sigma = 0.2 * edge_of(mesh.vertices, mesh.faces)
-    plan, _ = learn_plan(sample_parts(mesh), NoiseModel(sigma**2), SmoothingOptions())
+    plan, _ = learn_and_denoise(sample_parts(mesh), NoiseModel(sigma**2), SmoothingOptions())
     whole = denoise(whole_mesh(mesh), plan)
     learned = remove_noise(mesh, NoiseModel(sigma**2), SmoothingOptions())
     assert np.abs(learned.points - whole.points).max() < 1e-3 * sigma  # whose filters are series of other lengths

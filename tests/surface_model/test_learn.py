@@ -17,7 +17,7 @@ pytestmark = pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long witho
 
 
 def noise_of(vertices, faces):
-    arrays = prepare_kernel_mesh(triangle_mesh(vertices, faces), creases=True)
+    arrays = prepare_kernel_mesh(triangle_mesh(vertices, faces), with_barriers=True)
     return learn_surface(MeshNeighbourhoods(arrays), FitOptions()).surface.noise
 
 
@@ -62,7 +62,7 @@ def curvature_error(surface, geometry):
 def test_every_ring_is_analysed_once_and_the_wanted_one_in_any_case(rings):
     surface = SURFACES["ellipsoid"]
     noisy = in_all_directions(surface.vertices, surface.faces, 0.1)
-    arrays = prepare_kernel_mesh(triangle_mesh(noisy, surface.faces), creases=True)
+    arrays = prepare_kernel_mesh(triangle_mesh(noisy, surface.faces), with_barriers=True)
     found = [analysis.rings for analysis in learn_surface(MeshNeighbourhoods(arrays), FitOptions(rings=rings)).analyses]
     assert found == sorted(set(found))
     assert set(range(1, 6)) < set(found) <= {*CANDIDATE_RINGS, rings}

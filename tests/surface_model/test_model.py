@@ -338,17 +338,17 @@ def test_terms_are_no_larger_than_lower_ones_suggest_unless_that_is_sure(seed):
     """The largest one degree lower, or a quarter of the largest two degrees lower: of sizes, not of squares."""
     rng = np.random.default_rng(seed)
     basis = harmonic_basis()
-    values, errors, believed = np.exp(rng.normal(0.0, 2.0, (3, len(basis.groups))))
-    result, sure = _enforce_decay(believed, values, errors), values >= SIGNIFICANT_STANDARD_ERRORS * errors
-    np.testing.assert_array_equal(result[sure], believed[sure])
-    np.testing.assert_array_equal(result[basis.degrees <= 2], believed[basis.degrees <= 2])
+    values, errors, variances = np.exp(rng.normal(0.0, 2.0, (3, len(basis.groups))))
+    result, sure = _enforce_decay(variances, values, errors), values >= SIGNIFICANT_STANDARD_ERRORS * errors
+    np.testing.assert_array_equal(result[sure], variances[sure])
+    np.testing.assert_array_equal(result[basis.degrees <= 2], variances[basis.degrees <= 2])
     # as large as it may be
     curvature = np.sqrt((values + SIGNIFICANT_STANDARD_ERRORS * errors)[basis.degrees == 2].max())
     largest = [0.0, 0.0, curvature, *(np.sqrt(result[basis.degrees == k].max()) for k in range(3, 9))]
     for degree in range(3, 9):
         doubtful = (basis.degrees == degree) & ~sure
         most = max(largest[degree - 1], largest[degree - 2] / 4.0)
-        np.testing.assert_allclose(result[doubtful], np.minimum(believed[doubtful], most**2), rtol=1e-12)
+        np.testing.assert_allclose(result[doubtful], np.minimum(variances[doubtful], most**2), rtol=1e-12)
 
 
 def test_variances_of_terms_scatter_by_their_standard_errors():
