@@ -266,7 +266,8 @@ def _estimate(
         cache_fit(key, CachedFit(fit, ordered.restore_order(source.mesh.barriers), noise_free, cleaned))
     if mask is not None:
         _clear(geometry, ~mask & (geometry.status != FitStatus.SKIPPED))
-    return replace(geometry, fit=choice, noise_free=noise_free)
+    # the cache keeps an array of its own
+    return replace(geometry, fit=choice, noise_free=None if noise_free is None else noise_free.copy())
 
 
 def _choose(

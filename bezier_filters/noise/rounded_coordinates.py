@@ -81,7 +81,7 @@ def describe_rounding(mesh: PreparedMesh) -> str:
     if noise.sills:
         source = "they bound a voxel mask with voxels of " + " x ".join(f"{2.0 * step:.4g}" for step in steps)
     else:
-        rounded = _rounded_steps(mesh.vertices, steps)
+        rounded = _remove_grid_steps(mesh.vertices, steps)
         source = " and ".join(
             f"{axis} is rounded to multiples of {step:.4g}" for axis, step in zip("xyz", rounded, strict=True) if step
         )
@@ -98,7 +98,7 @@ def _variance(mesh: PreparedMesh, steps: FloatArray) -> tuple[bool, float]:
     points, normals = mesh.vertices[has_normal], mesh.planes.normals[has_normal]
     if not len(points):
         return False, 0.0
-    rounded = _rounded_steps(points, steps)
+    rounded = _remove_grid_steps(points, steps)
     squares = np.square(normals * rounded)
     is_half_way = _half_way(points, steps) if (rounded > 0.0).all() else np.zeros(points.shape, dtype=np.bool_)
     is_mask = bool(np.mean(is_half_way.sum(axis=1) == 1) >= MIN_DISTINCT_PAIRS)
@@ -107,7 +107,7 @@ def _variance(mesh: PreparedMesh, steps: FloatArray) -> tuple[bool, float]:
     return is_mask, float(squares.sum(axis=1).mean()) / 12.0
 
 
-def _rounded_steps(points: FloatArray, steps: FloatArray) -> FloatArray:
+def _remove_grid_steps(points: FloatArray, steps: FloatArray) -> FloatArray:
     """The steps (3,) without those of a sampling grid, in which no two points (k, 3) share two coordinates."""
     rounded = steps.copy()
     for first, second in ((0, 1), (1, 2), (2, 0)):

@@ -7,6 +7,7 @@ from functools import partial
 
 import numpy as np
 
+from bezier_filters.arguments import checks_arguments
 from bezier_filters.arrays import Report
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.fields import CURVATURE, ESTIMATES, PREFIX, QUALITY, TORSION, Field, fields_of, values_of
@@ -32,6 +33,7 @@ ALL = "all"  # every estimate
 QUALITIES = {CURVATURE: "mean", TORSION: "torsion", ALL: "mean"}  # default qualities
 
 
+@checks_arguments
 @single_threaded_blas()
 def estimate_file(
     source: SourcePath,
@@ -129,6 +131,8 @@ def estimate_file(
     """
     options = options or FitOptions()
     check_tile_options(options)
+    if isinstance(columns, str):
+        raise InvalidParameterError(f"columns: got {columns!r}, expected a list of names")
     opened = open_source(source)
     chosen_quality, chosen = chosen_columns(quantity, quality, columns)
     parameters = {"quantity": quantity, "quality": chosen_quality, "columns": chosen, "options": asdict(options)}

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from bezier_filters.arguments import checks_arguments
 from bezier_filters.arrays import FloatArray, Report
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.fields import PREFIX, QUALITY
@@ -59,6 +60,7 @@ SMOOTHING_TILE_VERTICES = 5 << 18  # vertices; larger tiles, as the halos of the
 FACE_COUNTS = ("flipped before", "flipped after", "degenerate before", "degenerate after", "new")
 
 
+@checks_arguments
 @single_threaded_blas()
 def smooth_file(
     source: SourcePath,
@@ -132,6 +134,7 @@ def smooth_file(
     True
     """
     check_smoothing(method, iterations, noise, borders, detail, relax)
+    iterations, relax = int(iterations), bool(relax)
     if method == "auto" and options is not None:
         raise InvalidParameterError("options: only method='paper' fits patches; leave it out")
     if method == "paper" and (borders != "curve" or keep_volume):

@@ -212,7 +212,8 @@ def smooth_tile(
     movable = movable_vertices(mesh, fixed)
     if is_cleaned:
         points = unfold_surface(mesh, points)
-    points = np.where(movable[:, np.newaxis], points, mesh.vertices)
+    if fixed:
+        points = np.where(movable[:, np.newaxis], points, first.coordinates_of(part.ids))
     rows = table_of(points[own], {SHARPNESS: sharpness[own]})
     sums: dict[str, list[float]] = {}
     if stored is not None:

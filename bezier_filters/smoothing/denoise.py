@@ -220,10 +220,10 @@ def halo_rings(plan: SmoothingPlan | None) -> int:
         return 2
     filters = plan.low_pass
     # The impulse response of a filter decays edge by edge, at a rate given by its poles; slowest where edges are short.
-    edge = filters.strengths.max() ** -0.25 / filters.max_diffusivity
-    fading = 2.0 * np.sqrt(edge) * np.sin(0.5 * np.pi / filters.order)
+    width = filters.strengths.max() ** 0.25 * filters.max_diffusivity  # 0 for filters that change nothing
+    fading = 0.5 * np.sqrt(width) / np.sin(0.5 * np.pi / filters.order)
     return int(
-        np.ceil(FADING_EXPONENT / fading + AVERAGING_RINGS + RINGS_PER_ROUND * BILATERAL_ROUNDS[max(plan.kinds)])
+        np.ceil(FADING_EXPONENT * fading + AVERAGING_RINGS + RINGS_PER_ROUND * BILATERAL_ROUNDS[max(plan.kinds)])
     )
 
 
