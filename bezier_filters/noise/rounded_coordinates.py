@@ -70,7 +70,7 @@ def describe_rounding(mesh: PreparedMesh) -> str:
     >>> from bezier_filters.meshes.prepared_mesh import prepare_mesh
     >>> from bezier_filters.surfaces import waves
     >>> hills = waves(resolution=60, amplitude=0.3)
-    >>> terrain = np.column_stack([60.0 * hills.vertices[:, :2], np.round(30.0 * hills.vertices[:, 2])])
+    >>> terrain = np.column_stack([30.0 * hills.vertices[:, :2], np.round(30.0 * hills.vertices[:, 2])])
     >>> describe_rounding(prepare_mesh(triangle_mesh(terrain, hills.faces)))
     'stairs: z is rounded to multiples of 1; this counts as noise, and the edges of the stairs are not sharp edges'
     """
