@@ -180,9 +180,11 @@ def _inspect(source: Path, stage: console.Stage, *, skip: bool) -> tuple["Curren
     """A mesh, and the report of `info`."""
     from bezier_filters.meshes.diagnosis import can_be_repaired, diagnose, inspect_mesh, is_fit
     from bezier_filters.meshes.mesh import triangle_mesh
+    from bezier_filters.meshes.prepared_mesh import prepare_mesh
     from bezier_filters.meshlab.mesh_files import contents_of, load_mesh
     from bezier_filters.meshlab.meshset import read_current_mesh
     from bezier_filters.meshlab.topology import topology_of
+    from bezier_filters.noise.rounded_coordinates import describe_rounding
 
     stage(f"reading {printable_name(source)}")
     ms = load_mesh(source, skip=skip)
@@ -200,7 +202,7 @@ def _inspect(source: Path, stage: console.Stage, *, skip: bool) -> tuple["Curren
         "bounding_box": [mesh.vertices.min(axis=0).tolist(), mesh.vertices.max(axis=0).tolist()],
         "noise": _noise_of(mesh) if mesh.face_count else None,
         "fit_for_fitting": is_fit(mesh, faults),
-        "findings": diagnose(mesh, faults),
+        "findings": [*diagnose(mesh, faults), *filter(None, [describe_rounding(prepare_mesh(mesh))])],
         "can_be_repaired": can_be_repaired(faults),
         "contents": contents_of(ms),
     }

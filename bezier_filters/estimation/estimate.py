@@ -11,7 +11,7 @@ from bezier_filters.errors import InvalidParameterError
 from bezier_filters.estimation.hidden_edges import hides_sharp_edges, noise_free_surface
 from bezier_filters.fitting.fallbacks import fit_with_fallbacks, overall_progress
 from bezier_filters.fitting.first_call import first_call
-from bezier_filters.fitting.mesh_neighbourhoods import MeshNeighbourhoods
+from bezier_filters.fitting.mesh_neighbourhoods import MeshNeighbourhoods, mesh_neighbourhoods
 from bezier_filters.fitting.model_cache import MAX_CACHED_VERTICES, CachedFit, cache_fit, cache_key, look_up_fit
 from bezier_filters.fitting.outlier_removal import rebase_displacements
 from bezier_filters.fitting.point_cloud import point_cloud
@@ -198,13 +198,13 @@ def estimate_vertex_geometry(
     axes = None if x_axis is None else _directions(x_axis, mesh, "x_axis")
     mask = None if selected is None else check_selection(selected, mesh.vertex_count)
     with first_call():
-        ordered, arrays = _prepare(sort_spatially(mesh), options, outside)
+        ordered, source = _prepare(sort_spatially(mesh), options, outside)
         if axes is not None:
-            arrays = arrays._replace(x_axes=axes[ordered.order])
+            source = replace(source, mesh=source.mesh._replace(x_axes=axes[ordered.order]))
         geometry = empty_geometry(mesh.vertex_count)
         if conditions:
             geometry = replace(geometry, condition_number=np.zeros(mesh.vertex_count))
-        return _estimate(mesh, ordered, arrays, options, lambda _: mask, geometry, outside=outside, progress=progress)
+        return _estimate(mesh, ordered, source, options, lambda _: mask, geometry, outside=outside, progress=progress)
 
 
 def geometry_where(mesh: PreparedMesh, select: Callable[[float | None], BoolArray]) -> VertexGeometry:
@@ -212,23 +212,28 @@ def geometry_where(mesh: PreparedMesh, select: Callable[[float | None], BoolArra
     with first_call():
         # sorting does not pay if few vertices are selected
         ordered = identity_order(mesh) if has_locality(mesh.adjacency) else sort_spatially(mesh)
-        ordered, arrays = _prepare(ordered, FitOptions(), None)
-        return _estimate(mesh, ordered, arrays, FitOptions(), select, empty_geometry(mesh.vertex_count))
+        ordered, source = _prepare(ordered, FitOptions(), None)
+        return _estimate(mesh, ordered, source, FitOptions(), select, empty_geometry(mesh.vertex_count))
 
 
-def _prepare(ordered: SpatialOrder, options: FitOptions, outside: FloatArray | None) -> tuple[SpatialOrder, KernelMesh]:
-    """Prepare a mesh, or a point cloud with vectors `outside` (n, 3) that point outwards, and its kernel input."""
+def _prepare(
+    ordered: SpatialOrder, options: FitOptions, outside: FloatArray | None
+) -> tuple[SpatialOrder, MeshNeighbourhoods]:
+    """Prepare a mesh, or a point cloud with vectors `outside` (n, 3) that point outwards, and its neighbourhoods."""
     if not ordered.mesh.face_count:
         adjacency, planes = point_cloud(ordered.mesh, None if outside is None else outside[ordered.order])
-        return ordered, kernel_mesh(ordered.mesh, adjacency, planes, None, ordered)
+        return ordered, MeshNeighbourhoods(kernel_mesh(ordered.mesh, adjacency, planes, None, ordered))
     mesh = prepare_mesh(ordered.mesh)
-    return replace(ordered, mesh=mesh), prepare_kernel_mesh(mesh, ordered, with_barriers=not options.is_fixed)
+    ordered = replace(ordered, mesh=mesh)
+    if options.is_fixed:
+        return ordered, MeshNeighbourhoods(prepare_kernel_mesh(mesh, ordered, with_barriers=False))
+    return ordered, mesh_neighbourhoods(mesh, ordered)
 
 
 def _estimate(
     given: TriangleMesh,
     ordered: SpatialOrder,
-    arrays: KernelMesh,
+    source: MeshNeighbourhoods,
     options: FitOptions,
     select: Callable[[float | None], BoolArray | None],
     geometry: VertexGeometry,
@@ -242,12 +247,12 @@ def _estimate(
     """
     is_cached = options.is_learned and given.vertex_count <= MAX_CACHED_VERTICES
     key = cache_key(given.vertices, given.faces, outside, options) if is_cached else None
-    known, whole = look_up_fit(key), None
+    known, whole, measured = look_up_fit(key), None, source.mesh.vertices
     if known is None:
-        fit, whole, source, noise_free = _choose(given, ordered, arrays, options)
+        fit, whole, source, noise_free = _choose(given, ordered, source, options)
     else:
         fit, noise_free = known.fit, known.noise_free
-        fitted = arrays._replace(barriers=known.barriers[ordered.order])
+        fitted = source.mesh._replace(barriers=known.barriers[ordered.order])
         if known.cleaned is not None:
             fitted = replace_vertices(fitted, known.cleaned[ordered.order])
         source = MeshNeighbourhoods(fitted)
@@ -255,24 +260,25 @@ def _estimate(
     ids = (np.arange(given.vertex_count) if mask is None else np.flatnonzero(mask[ordered.order])).astype(np.int32)
     choice, fit = _fit(source, ids, fit, whole, options, geometry, progress)
     if fit.cleaned:
-        rebase_displacements(arrays.vertices, source.mesh, ids, geometry)
+        rebase_displacements(measured, source.mesh, ids, geometry)
     if whole is not None and is_cached:
         cleaned = ordered.restore_order(source.mesh.vertices) if fit.cleaned else None
         cache_fit(key, CachedFit(fit, ordered.restore_order(source.mesh.barriers), noise_free, cleaned))
     if mask is not None:
         _clear(geometry, ~mask & (geometry.status != FitStatus.SKIPPED))
-    return replace(geometry, fit=choice, noise_free=noise_free)
+    # the cache keeps an array of its own
+    return replace(geometry, fit=choice, noise_free=None if noise_free is None else noise_free.copy())
 
 
 def _choose(
-    given: TriangleMesh, ordered: SpatialOrder, arrays: KernelMesh, options: FitOptions
+    given: TriangleMesh, ordered: SpatialOrder, source: MeshNeighbourhoods, options: FitOptions
 ) -> tuple[SurfaceFit, Leaf | None, MeshNeighbourhoods, FloatArray | None]:
     """Choose the fit of a mesh, again if sharp edges are found under its noise.
 
     Returns the fit, the model of the surface if it was learned, the neighbourhoods to fit, and the denoised vertices
     (n, 3) if they were needed.
     """
-    source, noise_free = MeshNeighbourhoods(arrays), None
+    noise_free: FloatArray | None = None
     fit, whole = choose_fit(source, options)
     fitted = source.clean if fit.cleaned else source
     if whole is not None and given.face_count and not options.robust:
@@ -283,8 +289,8 @@ def _choose(
             surface, hidden_barriers = noise_free_surface(prepare_mesh(given), noise)
             noise_free, hidden_barriers = surface.vertices, hidden_barriers[ordered.order]
             if (hidden_barriers & ~fitted.mesh.barriers).any():
-                barriers = arrays.barriers | hidden_barriers
-                source = MeshNeighbourhoods(arrays._replace(barriers=barriers), hidden_barriers)
+                mesh = source.mesh._replace(barriers=source.mesh.barriers | hidden_barriers)
+                source = replace(source, mesh=mesh, hidden_barriers=hidden_barriers)
                 fit, whole = choose_fit(source, options)
                 fitted = source.clean if fit.cleaned else source
     return fit, whole, fitted, noise_free

@@ -269,7 +269,7 @@ def kernel_fit(attempt: FitAttempt, *, robust: bool = False) -> KernelFit:
     if isinstance(fit, PatchFit):
         free, square, penalty = fit.free_coefficients, fit.square, fit.monomial_penalty[np.ix_(order, order)][lower]
         prior = np.zeros(len(lower[0]))
-        smallest_pivot = MIN_FLAT_PIVOT if fit is FLATTEST_QUADRATIC else MIN_PIVOT
+        smallest_pivot = MIN_FLAT_PIVOT if fit == FLATTEST_QUADRATIC else MIN_PIVOT
     else:
         free, square, penalty = QUADRATIC.free_coefficients, True, np.zeros(len(lower[0]))
         if np.isfinite(fit.weight_radius):

@@ -4,13 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from bezier_filters.fitting.mesh_neighbourhoods import MeshNeighbourhoods
-from bezier_filters.kernels.kernel_input import prepare_kernel_mesh
+from bezier_filters.fitting.mesh_neighbourhoods import mesh_neighbourhoods
 from bezier_filters.meshes.prepared_mesh import PreparedMesh
 from bezier_filters.noise.noise_model import NoiseModel, rescale_noise
-from bezier_filters.sampling.neighbourhood_samples import Neighbourhoods
 from bezier_filters.surface_model.fit_options import FitOptions
 from bezier_filters.surface_model.learn import explain_unknown_surface, learn_without_outliers
+from bezier_filters.surface_model.neighbourhoods import Neighbourhoods
 
 # standard deviation of the noise over the mean edge, above which angles of flat edges look sharp: less noise turns a
 # face by 5 degrees at most
@@ -25,12 +24,12 @@ def learn_mesh_noise(mesh: PreparedMesh, sigma: float | None = None, robust: boo
 
     The result is None if the mesh is too coarse. Outliers do not count as noise, unless `robust` is False.
     """
-    return estimate_noise(_neighbourhoods(mesh), sigma, robust, mesh.mean_edge)
+    return estimate_noise(mesh_neighbourhoods(mesh), sigma, robust, mesh.mean_edge)
 
 
 def explain_unknown_noise(mesh: PreparedMesh) -> str:
     """Say why `learn_mesh_noise` finds no noise model."""
-    return explain_unknown_surface(_neighbourhoods(mesh))
+    return explain_unknown_surface(mesh_neighbourhoods(mesh))
 
 
 def estimate_noise(
@@ -46,10 +45,6 @@ def estimate_noise(
     if learned is not None and robust is False:
         learned = replace(learned, outliers=0.0)
     return learned if sigma is None else rescale_noise(learned, sigma)
-
-
-def _neighbourhoods(mesh: PreparedMesh) -> MeshNeighbourhoods:
-    return MeshNeighbourhoods(prepare_kernel_mesh(mesh, with_barriers=True))
 
 
 def is_noisy(mesh: PreparedMesh, sigma: float | None) -> bool:

@@ -12,7 +12,6 @@ from bezier_filters.fitting.fallbacks import FitAttempt, fallback_chain, spec_ch
 from bezier_filters.fitting.vertex_geometry import FitChoice
 from bezier_filters.noise.noise_model import NoiseModel
 from bezier_filters.patches.patch_fit import DEGREES, PatchFit
-from bezier_filters.sampling.neighbourhood_samples import Neighbourhoods
 from bezier_filters.sampling.ring_analysis import MIN_SAMPLES
 from bezier_filters.surface_model.fit_options import FitOptions
 from bezier_filters.surface_model.learn import (
@@ -22,6 +21,7 @@ from bezier_filters.surface_model.learn import (
     learn_without_outliers,
 )
 from bezier_filters.surface_model.model_tree import Leaf, Tree
+from bezier_filters.surface_model.neighbourhoods import Neighbourhoods
 
 RADIUS_SAMPLES = 150  # neighbourhoods whose radius is measured
 DENSE_OUTLIER_SHARE = 0.1  # share of outliers from which on they flip normals everywhere, as heavy noise does
@@ -36,6 +36,7 @@ class SurfaceFit:
     smooth_normals: bool = False  # whether the frames follow smoothed normals, see `use_smoothed_normals`
     robust: bool = False  # whether points with large residuals lose their weight
     cleaned: bool = False  # whether outliers are moved onto the surface around them first
+    with_barriers: bool = True  # whether neighbourhoods end at the sharp edges of the mesh: for tiles
     regions: "Tree[SurfaceFit] | None" = None  # fits of the regions, by the features of the first fit
     # factors on the standard errors of normal and curvatures where a region keeps the first fit; infinite if unknown
     error_ratios: tuple[float, float] = (1.0, 1.0)

@@ -78,6 +78,9 @@ class NoiseModel:
         return result
 
 
+NO_NOISE = NoiseModel(0.0)
+
+
 def rescale_noise(learned: NoiseModel | None, sigma: float) -> NoiseModel:
     """Rescale estimated noise to a known standard deviation, with the estimated correlation.
 

@@ -1,12 +1,10 @@
 """Random samples of neighbourhoods, projected to local coordinates over their tangent planes.
 
-They come from a mesh in memory or from a store of tiles: see `Neighbourhoods`.
-
 Vertices are drawn by stratified sampling: one from each of equal intervals of the vertex numbers.
 """
 
 from collections.abc import Callable
-from typing import Literal, NamedTuple, Protocol
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -44,27 +42,11 @@ class NeighbourhoodSample(NamedTuple):
     flipped_fraction: FloatArray
 
 
-class Neighbourhoods(Protocol):
-    """The neighbourhoods of a surface, whose vertices lie in memory or in a store."""
-
-    @property
-    def vertex_count(self) -> int:
-        """Number of vertices of the surface."""
-
-    @property
-    def clean(self) -> "Neighbourhoods":
-        """The same with the outliers moved onto the surface around them."""
-
-    def draw(self, count: int) -> IntArray:
-        """Draw up to `count` vertices that have a normal, in random order: see `draw_vertices`."""
-
-    def sample(self, vertices: IntArray, rings: int, mode: SampleMode) -> NeighbourhoodSample:
-        """Sample the neighbourhoods of some vertices, out to a widest ring."""
-
-
-def sample_by_mode(mesh: KernelMesh, ids: IntArray, rings: int, mode: SampleMode) -> NeighbourhoodSample:
-    """Neighbourhoods of the vertices `ids` of a mesh in memory in one of the modes."""
-    if mode == "tolerant":
+def sample_by_mode(
+    mesh: KernelMesh, ids: IntArray, rings: int, mode: SampleMode, *, keep_barriers: bool = False
+) -> NeighbourhoodSample:
+    """Neighbourhoods of the vertices `ids` of a mesh in memory in one of the modes, on request with its barriers."""
+    if mode == "tolerant" and not keep_barriers:
         mesh = recompute_barriers(mesh)
     most = MAX_FLIPPED_BY_OUTLIERS if mode == "tolerant" else MAX_FLIPPED_FRACTION
     return sample_neighbourhoods(mesh, ids, rings=rings, max_flipped_fraction=most)

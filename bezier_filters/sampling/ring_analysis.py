@@ -56,6 +56,7 @@ class RingAnalysis:
     radius: float  # median radius of the neighbourhoods, the unit of x and y below, a length
     degree: int  # highest degree J that the neighbourhoods determine
     vertex_count: int  # of the mesh
+    noise_floor: float  # least variance of its noise, length^2
     independent_fraction: float  # effective share of independent neighbourhoods: on a small mesh wide ones overlap
     centers: IntArray  # (N,): vertices whose neighbourhoods these are
     sizes: IntArray  # (N,): number of points
@@ -84,11 +85,11 @@ class RingAnalysis:
 
     @cached_property
     def median_square(self) -> float:
-        """Squared residual per degree of freedom of the fit of degree J by its median, length^2."""
+        """Squared residual per degree of freedom of the fit of degree J by its median, or the noise floor, length^2."""
         freedom = np.maximum(self.sums.freedom[:, -1], 1.0)
         # The median of a chi square variable over its mean (Wilson and Hilferty).
         of_mean = (1.0 - 2.0 / (9.0 * freedom)) ** 3
-        return float(np.median(self.sums.residuals[:, -1] / freedom / of_mean))
+        return max(float(np.median(self.sums.residuals[:, -1] / freedom / of_mean)), self.noise_floor)
 
     @cached_property
     def first(self) -> IntArray:
@@ -192,9 +193,11 @@ class RingAnalysis:
         return result
 
 
-def analyse_rings(sample: NeighbourhoodSample, most: Mapping[int, int], *, vertex_count: int) -> list[RingAnalysis]:
+def analyse_rings(
+    sample: NeighbourhoodSample, most: Mapping[int, int], *, vertex_count: int, noise_floor: float = 0.0
+) -> list[RingAnalysis]:
     """Analyse up to most[k] of the usable k-rings of a sample, for every k for which enough of them are usable."""
-    prepared = (_prepare(sample, rings, count, vertex_count) for rings, count in most.items())
+    prepared = (_prepare(sample, rings, count, vertex_count, noise_floor) for rings, count in most.items())
     analyses = [analysis for analysis in prepared if analysis is not None]
     chunks = [
         (analysis, start, min(start + ANALYSIS_CHUNK, len(analysis.rows)))
@@ -239,7 +242,9 @@ def term_values(x: FloatArray, y: FloatArray, degree: int = HIGHEST_DEGREE) -> F
     return monomials @ harmonic_basis().monomials[: len(exponents), : len(exponents)]
 
 
-def _prepare(sample: NeighbourhoodSample, rings: int, most: int, vertex_count: int) -> RingAnalysis | None:
+def _prepare(
+    sample: NeighbourhoodSample, rings: int, most: int, vertex_count: int, noise_floor: float
+) -> RingAnalysis | None:
     """Allocate an analysis; None if too few neighbourhoods are usable."""
     rows = np.flatnonzero(sample.usable[:, rings])[:most]
     if len(rows) < MIN_SAMPLES:
@@ -265,6 +270,7 @@ def _prepare(sample: NeighbourhoodSample, rings: int, most: int, vertex_count: i
         radius,
         degree,
         vertex_count,
+        noise_floor,
         # Neighbourhoods that overlap by half are still nearly as informative as separate ones.
         min(1.0, 2.0 * vertex_count / float(sizes.sum())),
         sample.centers[rows],

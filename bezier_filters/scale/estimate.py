@@ -7,6 +7,7 @@ from functools import partial
 
 import numpy as np
 
+from bezier_filters.arguments import checks_arguments
 from bezier_filters.arrays import FloatArray, Report
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.fields import CURVATURE, ESTIMATES, PREFIX, QUALITY, TORSION, Field, fields_of, values_of
@@ -38,6 +39,7 @@ ALL = "all"  # every estimate
 QUALITIES = {CURVATURE: "mean", TORSION: "torsion", ALL: "mean"}  # default qualities
 
 
+@checks_arguments
 @single_threaded_blas()
 def estimate_file(
     source: SourcePath,
@@ -136,7 +138,9 @@ def estimate_file(
     """
     options = options or FitOptions()
     check_tile_options(options)
-    opened, with_barriers = open_source(source), not options.is_fixed
+    if isinstance(columns, str):
+        raise InvalidParameterError(f"columns: got {columns!r}, expected a list of names")
+    opened = open_source(source)
     chosen_quality, chosen = chosen_columns(quantity, quality, columns)
     parameters = {"quantity": quantity, "quality": chosen_quality, "columns": chosen, "options": asdict(options)}
     how = RunOptions(scheduler, workers, tile_vertices, memory_limit, store, resume, keep_store, progress)
@@ -146,7 +150,7 @@ def estimate_file(
             fit = learn_fit(run.store, options)
         with run.stages.stage("start"):
             link = dashboard(run.cluster.ready())
-        job = partial(estimate_tile, run.store, fit, with_barriers, chosen_quality, chosen)
+        job = partial(estimate_tile, run.store, fit, chosen_quality, chosen)
         done = run.tiles("fit", run.results(parameters), job, link)
         run.write(done.tiles)
     status = {status: int(k) for status, k in zip(FitStatus, done.sums("status"), strict=True) if k}
@@ -187,10 +191,10 @@ def chosen_columns(quantity: str, quality: str | None, columns: Sequence[str] | 
 
 
 def estimate_tile(
-    store: Store, fit: SurfaceFit, with_barriers: bool, quality: str, columns: Sequence[str], tile: int
+    store: Store, fit: SurfaceFit, quality: str, columns: Sequence[str], tile: int
 ) -> tuple[Values, TileReport]:
     """Estimates for the vertices of a tile, as rows of the result file, with the quality unless it is empty."""
-    geometry, part = fit_tile(store, fit, with_barriers, tile)
+    geometry, part = fit_tile(store, fit, tile)
     every = estimate_fields()
     values = values_of([every[name] for name in {*columns, quality} - {""}], geometry)
     written = ({QUALITY: values[quality]} if quality else {}) | {name: values[name] for name in columns}
@@ -255,11 +259,11 @@ def _no_curvature(status: FitStatus) -> str:
     )
 
 
-def fit_tile(store: Store, fit: SurfaceFit, with_barriers: bool, tile: int) -> tuple[VertexGeometry, TilePart]:
+def fit_tile(store: Store, fit: SurfaceFit, tile: int) -> tuple[VertexGeometry, TilePart]:
     """Estimate the vertices of a tile as in the whole mesh; also returns the part of the mesh that was read."""
     part = tile_part(store, tile, rings_needed(fit))
     part = replace(part, mesh=prepare_mesh(part.mesh))  # whose adjacency is used again
-    arrays = mesh_to_fit(part.mesh, with_barriers, fit.cleaned, fit.smooth_normals)
+    arrays = mesh_to_fit(part.mesh, fit.with_barriers, fit.cleaned, fit.smooth_normals)
     own = np.arange(part.own.start, part.own.stop, dtype=np.int32)
     arrays = arrays._replace(origin=np.arange(len(part.ids), dtype=np.int32) - own[0])
     geometry = empty_geometry(len(own))

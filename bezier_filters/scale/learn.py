@@ -18,7 +18,16 @@ from bezier_filters.kernels.kernel_input import KernelMesh, prepare_kernel_mesh,
 from bezier_filters.meshes.frames import NORMAL_SMOOTHING_ROUNDS
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.prepared_mesh import prepare_mesh
-from bezier_filters.noise.noise_model import NoiseModel
+from bezier_filters.noise.noise_model import NO_NOISE, NoiseModel
+from bezier_filters.noise.rounded_coordinates import MAX_STEP_SAMPLE, may_be_rounded, rounding_noise
+from bezier_filters.sampling.mesh_parts import (
+    PART_VERTICES,
+    MeshPart,
+    grow_component,
+    mesh_part,
+    next_unseen,
+    sample_vertices,
+)
 from bezier_filters.sampling.neighbourhood_samples import (
     NeighbourhoodSample,
     SampleMode,
@@ -27,14 +36,6 @@ from bezier_filters.sampling.neighbourhood_samples import (
 )
 from bezier_filters.scale.halo import Part, part_around, part_around_samples, restore_source_order, tile_part
 from bezier_filters.scale.store import Store
-from bezier_filters.smoothing.mesh_parts import (
-    PART_VERTICES,
-    MeshPart,
-    grow_component,
-    mesh_part,
-    next_unseen,
-    sample_vertices,
-)
 from bezier_filters.surface_model.fit_options import FitOptions
 from bezier_filters.surface_model.model_tree import leaves
 
@@ -56,6 +57,7 @@ class StoreNeighbourhoods:
     store: Store
     with_barriers: bool = True  # whether neighbourhoods end at sharp edges
     is_clean: bool = False  # whether the outliers are moved onto the surface around them
+    rounding: NoiseModel = NO_NOISE  # noise of rounded coordinates, see `rounding_noise`
 
     @property
     def vertex_count(self) -> int:
@@ -83,7 +85,20 @@ class StoreNeighbourhoods:
         """Sample the neighbourhoods of some vertices, out to a widest ring."""
         part = part_around_samples(self.store, vertices, _reach(rings, mode, self.is_clean))
         arrays = mesh_to_fit(part.mesh, self.with_barriers, self.is_clean, mode == "smoothed")
-        return sample_by_mode(arrays, part.local(vertices), rings, mode)._replace(centers=vertices)
+        keep = self.rounding.variance > 0.0
+        found = sample_by_mode(arrays, part.local(vertices), rings, mode, keep_barriers=keep)
+        return found._replace(centers=vertices)
+
+
+def store_neighbourhoods(store: Store, options: FitOptions) -> StoreNeighbourhoods:
+    """Neighbourhoods of a mesh in a store, as `mesh_neighbourhoods` makes them in memory."""
+    if options.is_fixed:
+        return StoreNeighbourhoods(store, with_barriers=False)
+    n = store.layout.vertex_count
+    some = np.arange(0, n, max(n // MAX_STEP_SAMPLE, 1), dtype=np.int32)
+    is_suspect = may_be_rounded(store.coordinates_of(some))
+    rounding = rounding_noise(sample_store_parts(store).mesh) if is_suspect else NO_NOISE
+    return StoreNeighbourhoods(store, with_barriers=rounding.variance == 0.0, rounding=rounding)
 
 
 def check_tile_options(options: FitOptions) -> None:
@@ -105,8 +120,9 @@ def check_tile_options(options: FitOptions) -> None:
 
 def learn_fit(store: Store, options: FitOptions) -> SurfaceFit:
     """Choose the fit of a mesh as `estimate_vertex_geometry` does in memory."""
-    source = StoreNeighbourhoods(store, with_barriers=not options.is_fixed)
+    source = store_neighbourhoods(store, options)
     fit, whole = choose_fit(source, options)
+    fit = replace(fit, with_barriers=source.with_barriers)
     if whole is None:
         return fit
     probes = source.draw(PROBE_COUNT)
@@ -124,7 +140,7 @@ def learn_store_noise(
     store: Store, mean_edge: float, sigma: float | None = None, robust: bool | None = None
 ) -> NoiseModel | None:
     """The noise of a mesh, as `noise_level.learn_mesh_noise` learns it in memory; `mean_edge` may be that of parts."""
-    return estimate_noise(StoreNeighbourhoods(store), sigma, robust, mean_edge)
+    return estimate_noise(store_neighbourhoods(store, FitOptions()), sigma, robust, mean_edge)
 
 
 def rings_needed(fit: SurfaceFit) -> int:
@@ -166,7 +182,7 @@ def _list_with_normals(store: Store) -> IntArray:
 
 
 def sample_store_parts(store: Store, around: Sequence[int] = ()) -> MeshPart:
-    """The same parts as `smoothing.mesh_parts` samples in memory, with the vertex numbers of the source."""
+    """The same parts as `sampling.mesh_parts` samples in memory, with the vertex numbers of the source."""
     n = store.layout.vertex_count
     samples = sample_vertices(n, around, partial(_grow_from_seed, store))
     ids, mesh = restore_source_order(store, part_around(store, np.sort(_ranks(store, samples[0])), 1))

@@ -11,7 +11,6 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
-from numbers import Integral
 from pathlib import Path
 from typing import TypeAlias
 
@@ -19,7 +18,7 @@ import numpy as np
 
 from bezier_filters._version import __version__
 from bezier_filters.arrays import FloatArray, Report
-from bezier_filters.errors import InvalidParameterError
+from bezier_filters.errors import InvalidParameterError, is_integer
 from bezier_filters.runtime.parallel import Progress, thread_count, use_threads
 from bezier_filters.scale.array_file import Values
 from bezier_filters.scale.scheduling import Scheduler, Workers, run_tasks, start_workers
@@ -182,9 +181,8 @@ def file_run(
     `row_size` and `in_store` are the bytes per vertex of the results in the target and in the store. Options out of
     range, a store of another run, other folders, and disks without enough space are refused.
     """
-    if options.workers is not None and not (isinstance(options.workers, Integral) and options.workers >= 1):
-        raise InvalidParameterError(f"workers: got {options.workers!r}, expected 1 or more, or None for all cores")
-    tile_size(options)  # refuse bad sizes at once
+    options = _check_options(options)
+    _check_target(source, Path(target))
     stages = Stages(options.progress)
     folder = Path(options.store if options.store is not None else f"{os.fspath(target)}.tiles").absolute()
     if not options.resume:
@@ -198,6 +196,34 @@ def file_run(
         yield Run(source, target, store, cluster, stages, thread_count())
     if not options.keep_store and (folder / MARKER_FILE).is_file():
         shutil.rmtree(folder)
+
+
+def _check_options(options: RunOptions) -> RunOptions:
+    """The options with Python's integers; InvalidParameterError if one is out of range."""
+    workers, tile_vertices, memory_limit = (
+        _integer_or_none(name, getattr(options, name)) for name in ("workers", "tile_vertices", "memory_limit")
+    )
+    if not (options.progress is None or callable(options.progress)):
+        raise InvalidParameterError(f"progress: got {options.progress!r}, expected a function, or None")
+    options = replace(options, workers=workers, tile_vertices=tile_vertices, memory_limit=memory_limit)
+    tile_size(options)  # refuse bad sizes at once
+    return options
+
+
+def _integer_or_none(name: str, value: object) -> int | None:
+    if value is None:
+        return None
+    if not (is_integer(value) and 1 <= value <= np.iinfo(np.int64).max):
+        raise InvalidParameterError(f"{name}: got {value!r}, expected an integer of 1 or more, or None")
+    return int(value)
+
+
+def _check_target(source: MeshSource, target: Path) -> None:
+    """Refuse a target that is the source, or no PLY file by its name."""
+    if target.suffix.lower() != ".ply":
+        raise InvalidParameterError(f"target: got {target}, expected a file name that ends in .ply")
+    if target.exists() and any(path.exists() and path.samefile(target) for path in source.paths):
+        raise InvalidParameterError(f"target: {target} is the source, which would be overwritten; give another name")
 
 
 def _prepare_store(source: MeshSource, folder: Path, options: RunOptions, progress: Progress | None) -> Store:

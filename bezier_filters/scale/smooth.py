@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from bezier_filters.arguments import checks_arguments
 from bezier_filters.arrays import FloatArray, Report
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.fields import PREFIX, QUALITY
@@ -20,10 +21,10 @@ from bezier_filters.scale.components import StoredComponents
 from bezier_filters.scale.estimate import fit_tile
 from bezier_filters.scale.halo import tile_part
 from bezier_filters.scale.learn import (
-    StoreNeighbourhoods,
     check_tile_options,
     learn_fit,
     rings_needed,
+    store_neighbourhoods,
 )
 from bezier_filters.scale.run import Run, RunOptions, StageProgress, file_run
 from bezier_filters.scale.scheduling import Scheduler
@@ -67,6 +68,7 @@ SMOOTHING_TILE_VERTICES = 5 << 18  # vertices; larger tiles, as the halos of the
 FACE_COUNTS = ("flipped before", "flipped after", "degenerate before", "degenerate after", "new")
 
 
+@checks_arguments
 @single_threaded_blas()
 def smooth_file(
     source: SourcePath,
@@ -141,6 +143,7 @@ def smooth_file(
     True
     """
     check_smoothing(method, iterations, noise, borders, detail, relax)
+    iterations, relax = int(iterations), bool(relax)
     if method == "auto" and options is not None:
         raise InvalidParameterError("options: only method='paper' fits patches; leave it out")
     if method == "paper" and (borders != "curve" or keep_volume):
@@ -186,7 +189,7 @@ def _smooth_automatically(run: Run, iterations: int, options: SmoothingOptions, 
     run.write(done.tiles)
     warnings = []
     if known is None and not any(tile.rows()[DISPLACEMENT].any() for tile in done.tiles):
-        warnings = [unknown_noise(explain_unknown_surface(StoreNeighbourhoods(mesh)))]
+        warnings = [unknown_noise(explain_unknown_surface(store_neighbourhoods(mesh, FitOptions())))]
     return run.report() | {
         "iterations": iterations,
         "quality": DISPLACEMENT,
@@ -248,11 +251,9 @@ def finish_tile(
     return rows, TileReport(tile, len(part.ids), sums)
 
 
-def move_tile(
-    first: Store, current: Store, fit: SurfaceFit, with_barriers: bool, tile: int
-) -> tuple[Values, TileReport]:
+def move_tile(first: Store, current: Store, fit: SurfaceFit, tile: int) -> tuple[Values, TileReport]:
     """Vertices of a tile on their patches, and their distances from the first mesh."""
-    geometry, part = fit_tile(current, fit, with_barriers, tile)
+    geometry, part = fit_tile(current, fit, tile)
     displacements = np.zeros_like(part.mesh.vertices)
     displacements[part.own] = geometry.displacements
     points = part.mesh.vertices + admissible_displacements(prepare_mesh(part.mesh), displacements)
@@ -268,7 +269,7 @@ def _smooth_onto_patches(run: Run, iterations: int, options: FitOptions) -> Repo
         results = run.results({"quantity": "patches", "options": asdict(options), "step": step})
         with run.stages.stage("learn"):
             fit = learn_fit(current, options)
-        move = partial(move_tile, run.store, current, fit, not options.is_fixed)
+        move = partial(move_tile, run.store, current, fit)
         current, done = run_round(run, f"step {step + 1}", results, move)
     run.write(done.tiles)
     return run.report() | {

@@ -18,6 +18,7 @@ from bezier_filters.noise.noise_model import NoiseModel
 from bezier_filters.runtime.atomic import atomic_write
 from bezier_filters.runtime.cached_property import cached_property
 from bezier_filters.runtime.parallel import Progress
+from bezier_filters.sampling.mesh_parts import MAX_WHOLE_VERTICES, MeshPart, reorder_part
 from bezier_filters.scale.array_file import ArrayFile, Values
 from bezier_filters.scale.components import StoredComponents, label_vertices, merge_components
 from bezier_filters.scale.halo import TilePart, tile_part
@@ -34,7 +35,6 @@ from bezier_filters.smoothing.denoise import (
     learn_and_denoise,
 )
 from bezier_filters.smoothing.impulses import Impulses, remove_impulses
-from bezier_filters.smoothing.mesh_parts import MAX_WHOLE_VERTICES, MeshPart, reorder_part
 from bezier_filters.smoothing.noise import ROUGHNESS_RINGS, roughest_vertices, roughness
 from bezier_filters.smoothing.rounds import move_mesh_outliers, unfold_surface
 from bezier_filters.smoothing.sliding import SLIDING_RINGS
@@ -212,7 +212,8 @@ def smooth_tile(
     movable = movable_vertices(mesh, fixed)
     if is_cleaned:
         points = unfold_surface(mesh, points)
-    points = np.where(movable[:, np.newaxis], points, mesh.vertices)
+    if fixed:
+        points = np.where(movable[:, np.newaxis], points, first.coordinates_of(part.ids))
     rows = table_of(points[own], {SHARPNESS: sharpness[own]})
     sums: dict[str, list[float]] = {}
     if stored is not None:

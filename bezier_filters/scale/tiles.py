@@ -8,6 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
+from tokenize import TokenError
 
 import numpy as np
 
@@ -84,7 +85,7 @@ def open_tile(folder: Path, tile: int) -> Tile:
         checksum, result = content.pop("checksum"), Tile(path, TileReport(**content["report"]))
         rows = result.rows()
         whole = checksum == _checksum(content, rows) and content["rows"] == str(rows.dtype.descr)
-    except (OSError, ValueError, TypeError, KeyError, AttributeError):
+    except (OSError, ValueError, TypeError, KeyError, AttributeError, SyntaxError, TokenError):
         whole = False
     if not whole:
         raise DamagedTileError(

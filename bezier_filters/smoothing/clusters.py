@@ -19,9 +19,9 @@ from bezier_filters.meshes.adjacency import Rows
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.runtime.jit import jit
 from bezier_filters.runtime.parallel import run_kernel
+from bezier_filters.sampling.mesh_parts import MeshPart
 from bezier_filters.smoothing.chebyshev import diffuse
 from bezier_filters.smoothing.laplacian import Laplacian
-from bezier_filters.smoothing.mesh_parts import MeshPart
 from bezier_filters.smoothing.random_noise import random_bits
 
 AVERAGING_TIME = 100.0  # diffusion time, squared edges, over which noise, rates and risks are averaged
@@ -65,7 +65,7 @@ def clusters_of(part: MeshPart, time_scale: float | None = None) -> Clusters:
 
     >>> from bezier_filters.meshes.mesh import triangle_mesh
     >>> from bezier_filters.meshes.prepared_mesh import prepare_mesh
-    >>> from bezier_filters.smoothing.mesh_parts import whole_mesh
+    >>> from bezier_filters.sampling.mesh_parts import whole_mesh
     >>> from bezier_filters.surfaces import sphere
     >>> ball = sphere(resolution=10)
     >>> mesh = prepare_mesh(triangle_mesh(ball.vertices, ball.faces))

@@ -20,6 +20,7 @@ from bezier_filters.arrays import FloatArray, SingleArray
 from bezier_filters.meshes.prepared_mesh import PreparedMesh
 from bezier_filters.noise.noise_model import NoiseModel
 from bezier_filters.runtime.parallel import Progress, report
+from bezier_filters.sampling.mesh_parts import MAX_WHOLE_VERTICES, MeshPart, sample_parts, whole_mesh
 from bezier_filters.smoothing.clusters import Clusters, clusters_of
 from bezier_filters.smoothing.laplacian import Borders, umbrella_laplacian
 from bezier_filters.smoothing.low_pass import (
@@ -31,7 +32,6 @@ from bezier_filters.smoothing.low_pass import (
     max_strength,
     shares_of,
 )
-from bezier_filters.smoothing.mesh_parts import MAX_WHOLE_VERTICES, MeshPart, sample_parts, whole_mesh
 from bezier_filters.smoothing.noise import (
     DEFAULT_TIME_SCALE,
     MIN_NOISE_PER_EDGE,
@@ -220,10 +220,10 @@ def halo_rings(plan: SmoothingPlan | None) -> int:
         return 2
     filters = plan.low_pass
     # The impulse response of a filter decays edge by edge, at a rate given by its poles; slowest where edges are short.
-    edge = filters.strengths.max() ** -0.25 / filters.max_diffusivity
-    fading = 2.0 * np.sqrt(edge) * np.sin(0.5 * np.pi / filters.order)
+    width = filters.strengths.max() ** 0.25 * filters.max_diffusivity  # 0 for filters that change nothing
+    fading = 0.5 * np.sqrt(width) / np.sin(0.5 * np.pi / filters.order)
     return int(
-        np.ceil(FADING_EXPONENT / fading + AVERAGING_RINGS + RINGS_PER_ROUND * BILATERAL_ROUNDS[max(plan.kinds)])
+        np.ceil(FADING_EXPONENT * fading + AVERAGING_RINGS + RINGS_PER_ROUND * BILATERAL_ROUNDS[max(plan.kinds)])
     )
 
 

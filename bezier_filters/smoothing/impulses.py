@@ -16,7 +16,7 @@ import numpy as np
 from bezier_filters.arrays import FloatArray
 from bezier_filters.meshes.adjacency import umbrella_vectors
 from bezier_filters.meshes.prepared_mesh import PreparedMesh
-from bezier_filters.smoothing.mesh_parts import MeshPart
+from bezier_filters.sampling.mesh_parts import MeshPart
 from bezier_filters.smoothing.noise import RELIEF_PER_EDGE
 from bezier_filters.smoothing.sliding import TangentialMotion, restrict_to_normals
 

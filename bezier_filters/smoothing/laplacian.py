@@ -9,7 +9,7 @@ from bezier_filters.meshes.prepared_mesh import PreparedMesh
 from bezier_filters.meshes.triangles import cotangent_and_area, has_corner
 from bezier_filters.runtime.jit import jit
 from bezier_filters.runtime.parallel import run_kernel
-from bezier_filters.smoothing.mesh_parts import MeshPart
+from bezier_filters.sampling.mesh_parts import MeshPart
 
 # whether border vertices follow their neighbours along the border, stay, or follow all their neighbours
 Borders = Literal["curve", "fixed", "free"]

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.special import j0
 
 from bezier_filters.arrays import FloatArray, SingleArray
+from bezier_filters.sampling.mesh_parts import MeshPart
 from bezier_filters.smoothing.chebyshev import (
     DEFAULT_ORDER,
     LOWEST_ORDER,
@@ -21,7 +22,6 @@ from bezier_filters.smoothing.chebyshev import (
     low_pass_series,
 )
 from bezier_filters.smoothing.laplacian import Borders, Laplacian, cotangent_laplacian, umbrella_laplacian
-from bezier_filters.smoothing.mesh_parts import MeshPart
 from bezier_filters.smoothing.noise import NoisyMesh
 from bezier_filters.smoothing.risk import Estimates, local_risks, local_shares, overall_risks
 

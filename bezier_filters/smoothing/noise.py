@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from bezier_filters.arrays import FloatArray, IntArray, SingleArray
+from bezier_filters.sampling.mesh_parts import MeshPart
 from bezier_filters.smoothing.chebyshev import low_pass
 from bezier_filters.smoothing.clusters import Clusters, clusters_of
 from bezier_filters.smoothing.laplacian import Laplacian, umbrella_laplacian
-from bezier_filters.smoothing.mesh_parts import MeshPart
 from bezier_filters.smoothing.random_noise import (
     CORRELATED_NOISE_STREAM,
     WHITE,

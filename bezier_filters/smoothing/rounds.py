@@ -18,10 +18,10 @@ from bezier_filters.meshes.spikes import move_folded_vertices
 from bezier_filters.noise.noise_model import NoiseModel
 from bezier_filters.runtime.cached_property import cached_property
 from bezier_filters.runtime.parallel import Progress
+from bezier_filters.sampling.mesh_parts import MeshPart, sample_parts
 from bezier_filters.smoothing.denoise import DenoisedMesh, SmoothingOptions, remove_noise
 from bezier_filters.smoothing.flipped_faces import repair_flipped_faces
 from bezier_filters.smoothing.impulses import MAX_IMPULSE_ROUNDS, Impulses, has_settled, learn_impulses, remove_impulses
-from bezier_filters.smoothing.mesh_parts import MeshPart, sample_parts
 
 MAX_OUTLIER_ROUNDS = 3  # rounds of outlier removal
 MAX_REMAINING_OUTLIERS = 0.01  # share of outliers that needs no further round: edges look like outliers after the first

@@ -19,8 +19,8 @@ from bezier_filters.meshes.prepared_mesh import PreparedMesh, longest_edges
 from bezier_filters.meshes.triangles import longest_squared
 from bezier_filters.runtime.jit import jit
 from bezier_filters.runtime.parallel import run_kernel
+from bezier_filters.sampling.mesh_parts import MeshPart
 from bezier_filters.smoothing.laplacian import MeshStars, mesh_stars
-from bezier_filters.smoothing.mesh_parts import MeshPart
 
 PROJECTION_STEPS = 8  # iterations of the projection on the normals of a vertex; at a right angle each halves the rest
 # tangential unevenness of the triangles over the noise along the normal, from which on noise may be in all directions

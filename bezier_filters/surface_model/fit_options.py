@@ -35,6 +35,12 @@ class FitOptions:
     fallbacks: Fallbacks = "sound"
     fold_test: FoldTest = "angle"
 
+    def __post_init__(self) -> None:
+        """Convert numbers of NumPy, which have no JSON."""
+        for name, value in vars(self).items():
+            if isinstance(value, np.generic):
+                object.__setattr__(self, name, value.item())
+
     def check(self) -> None:
         """Refuse options that are out of range, or exclude each other.
 
@@ -61,6 +67,8 @@ class FitOptions:
             raise InvalidParameterError(
                 f"smoothness: got {self.smoothness!r}, expected 'third_order' or 'paper', or a number for alpha"
             )
+        if not (self.robust is None or isinstance(self.robust, bool)):
+            raise InvalidParameterError(f"robust: got {self.robust!r}, expected True, False or None")
         fixed, size = self.patch, "rings" if self.radius is None else "radius"  # PatchFit checks its own parameters
         has_size = self.ring_count is not None or self.radius is not None
         check_noise(self.noise)

@@ -14,7 +14,6 @@ from bezier_filters.noise.noise_spectrum import learn_noise_covariance
 from bezier_filters.noise.outliers import OUTLIER_RINGS, outlier_share
 from bezier_filters.sampling.neighbourhood_samples import (
     NORMAL_CHECK_RINGS,
-    Neighbourhoods,
     NeighbourhoodSample,
     SampleMode,
 )
@@ -23,6 +22,7 @@ from bezier_filters.sampling.sample_check import MIN_USABLE_SHARE, explain_unusa
 from bezier_filters.surface_model.fit_options import FitOptions
 from bezier_filters.surface_model.model import RingModel, estimate_white_noise
 from bezier_filters.surface_model.model_tree import Leaf, fit_leaf
+from bezier_filters.surface_model.neighbourhoods import Neighbourhoods
 
 CANDIDATE_RINGS = (1, 2, 3, 4, 5, 6, 8, 10)
 FIRST_STAGE_MAX_RINGS = 5  # most meshes need no wider rings, and many neighbourhoods of these are cheap
@@ -51,7 +51,7 @@ def learn_surface(
     the neighbourhoods are drawn from all vertices, or are the first ones of `at`; on request all are sampled in one
     `mode`. If only the noise is needed, not all rings are analysed. None if no fit is possible.
     """
-    draw, fixed = cache(source.draw), options.ring_count
+    draw, fixed, rounding = cache(source.draw), options.ring_count, source.rounding
 
     def sample_at(rings: int, count: int, wanted: SampleMode) -> NeighbourhoodSample:
         return source.sample(draw(count) if at is None else at[:count], rings, mode or wanted)
@@ -78,12 +78,17 @@ def learn_surface(
             promising = promising and sample.usable[:, k].sum() >= MIN_USABLE_SHARE * sample.is_interior[:, k].sum()
             if promising or k == fixed or not (analyses or most):
                 most[k] = SAMPLES_PER_RING.get(k, SAMPLES_PER_RING[10])
-        found = analyse_rings(sample, most, vertex_count=source.vertex_count)
+        found = analyse_rings(sample, most, vertex_count=source.vertex_count, noise_floor=rounding.variance)
         if not found:
             continue
         analyses += found
         if stage is stages[0]:
             correlated = learn_noise_covariance(analyses)
+            if correlated is None and rounding.sills:
+                correlated = rounding
+            elif correlated is not None:
+                missing = max(rounding.variance - correlated.variance, 0.0)
+                correlated = replace(correlated, white=correlated.white + missing)
             # many unusable neighbourhoods: outliers may be the cause
             has_many = (~sample.usable[:, OUTLIER_RINGS]).mean() > MAX_UNUSABLE_FRACTION
             outliers = outlier_share(sample_at(OUTLIER_RINGS, count, "tolerant") if has_many else sample)

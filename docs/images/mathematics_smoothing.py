@@ -10,12 +10,12 @@ import bezier_filters as bf
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.prepared_mesh import prepare_mesh
 from bezier_filters.noise.noise_model import NoiseModel
+from bezier_filters.sampling.mesh_parts import whole_mesh
 from bezier_filters.smoothing.chebyshev import low_pass
 from bezier_filters.smoothing.clusters import clusters_of
 from bezier_filters.smoothing.denoise import ESTIMATE_KINDS, candidates
 from bezier_filters.smoothing.laplacian import umbrella_laplacian
 from bezier_filters.smoothing.low_pass import FILTER_STRENGTHS, learn_low_pass
-from bezier_filters.smoothing.mesh_parts import whole_mesh
 from bezier_filters.smoothing.noise import NoisyMesh
 from bezier_filters.smoothing.random_noise import WHITE, Correlation
 from bezier_filters.surfaces import bumpy_star

@@ -1,10 +1,14 @@
 """What is fitted where the first attempt fails, and what the status says of it."""
 
+import pickle
+
 import numpy as np
 import pytest
 from scipy.spatial import Delaunay
 
 from bezier_filters import FitStatus, estimate_vertex_geometry, triangle_mesh
+from bezier_filters.fitting.fallbacks import fallback_chain, kernel_fit, last_resorts
+from bezier_filters.patches.patch_fit import PatchFit
 from bezier_filters.surfaces import block_with_sharp_edges, sphere
 
 FIXED = {"rings": 2, "alpha": 0.8}
@@ -120,3 +124,12 @@ class TestStatus:
         assert np.isfinite(geometry.k_max).all()
         assert counts.get("OK", 0) < len(x)
         assert any(name in counts for name in ("OTHER_PLANE", "ONE_RING", "FOLDED"))
+
+
+def test_attempts_are_the_same_after_pickling():
+    """As worker processes get them: the flattest quadratic has a pivot of its own."""
+    chains = fallback_chain(2, PatchFit()), last_resorts(2)
+    for attempt in (one for chain in chains for one in chain):
+        copied = kernel_fit(pickle.loads(pickle.dumps(attempt)), robust=True)
+        for value, expected in zip(copied, kernel_fit(attempt, robust=True), strict=True):
+            np.testing.assert_array_equal(value, expected)

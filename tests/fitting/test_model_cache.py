@@ -5,6 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from numba import config
 
 import bezier_filters as bf
 from bezier_filters.estimation.estimate import geometry_where
@@ -108,3 +109,17 @@ def test_threads_share_it(empty_cache, mesh):
         results = list(pool.map(lambda _: bf.estimate_vertex_geometry(*mesh).k_max, range(8)))
     for k_max in results[1:]:
         np.testing.assert_array_equal(k_max, results[0])
+
+
+@pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")
+def test_results_can_be_changed_without_changing_the_next_ones():
+    vertices, faces = block_with_sharp_edges(resolution=16, jitter=0.2)
+    vertices = vertices + 0.02 * np.random.default_rng(0).standard_normal(vertices.shape)
+    first = bf.estimate_vertex_geometry(vertices, faces)
+    assert first.noise_free is not None
+    kept = first.noise_free.copy()
+    first.noise_free[:] = 0.0
+    for _ in range(2):
+        again = bf.estimate_vertex_geometry(vertices, faces)
+        np.testing.assert_array_equal(again.noise_free, kept)
+        again.noise_free[:] = 0.0

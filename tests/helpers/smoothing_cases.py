@@ -10,8 +10,9 @@ from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
 from bezier_filters.meshes.prepared_mesh import PreparedMesh, prepare_mesh
 from bezier_filters.runtime.parallel import MIN_CHUNK
-from bezier_filters.smoothing import denoise, mesh_parts
-from bezier_filters.smoothing.mesh_parts import MAX_WHOLE_VERTICES, PART_CORE_VERTICES, PART_VERTICES, MeshPart
+from bezier_filters.sampling import mesh_parts
+from bezier_filters.sampling.mesh_parts import MAX_WHOLE_VERTICES, PART_CORE_VERTICES, PART_VERTICES, MeshPart
+from bezier_filters.smoothing import denoise
 from bezier_filters.surfaces import SampledSurface, block_with_sharp_edges, bumpy_star
 
 

@@ -183,6 +183,15 @@ def test_the_store_has_the_order_of_meshes_in_memory(seed, tile, tmp_path_factor
         ({"options": FitOptions(rings=1000)}, "rings"),
         ({"options": FitOptions(alpha=2.0)}, "alpha"),
         ({"options": FitOptions(radius=0.1)}, "radius"),
+        ({"options": FitOptions(robust="no")}, "robust"),
+        ({"options": {}}, "options"),
+        ({"resume": "no"}, "resume"),
+        ({"columns": "k_min"}, "columns"),
+        ({"tile_vertices": 256.0}, "tile_vertices"),
+        ({"tile_vertices": 10**20}, "tile_vertices"),
+        ({"memory_limit": "2GB"}, "memory_limit"),
+        ({"progress": 5}, "progress"),
+        ({"store": 5}, "store"),
     ],
 )
 def test_bad_parameters_are_named_and_leave_nothing(arguments, name, tmp_path):
@@ -190,3 +199,38 @@ def test_bad_parameters_are_named_and_leave_nothing(arguments, name, tmp_path):
     with pytest.raises(InvalidParameterError, match=f"^{name}: "):
         estimate_file(files, tmp_path / "out.ply", **({"scheduler": "synchronous"} | arguments))
     assert sorted(path.name for path in tmp_path.iterdir()) == ["faces.npy", "vertices.npy"]
+
+
+@pytest.mark.parametrize("run", [estimate_file, smooth_file])
+def test_a_source_is_not_overwritten_and_targets_are_ply_files(run, tmp_path):
+    files = save_arrays(tmp_path, *clean())
+    run(files, tmp_path / "mesh.ply", scheduler="synchronous")
+    content = (tmp_path / "mesh.ply").read_bytes()
+    for source, target in (
+        (tmp_path / "mesh.ply", tmp_path / "mesh.ply"),
+        (files, files[0]),
+        (files, tmp_path / "o.obj"),
+    ):
+        with pytest.raises(InvalidParameterError, match=r"^target: "):
+            run(source, target, scheduler="synchronous")
+    assert (tmp_path / "mesh.ply").read_bytes() == content
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["faces.npy", "mesh.ply", "vertices.npy"]
+
+
+def test_options_may_be_numbers_of_numpy(tmp_path):
+    vertices, faces = clean()
+    files = save_arrays(tmp_path, vertices, faces)
+    options = FitOptions(rings=np.int64(2), alpha=np.float64(0.8), degree=np.int32(3), robust=np.True_)
+    assert options == FitOptions(2, 0.8, 3, robust=True)
+    report = estimate_file(
+        files, tmp_path / "out.ply", options=options, tile_vertices=np.int64(512), scheduler="synchronous"
+    )
+    assert_same_as_in_memory(report, vertices, faces, rings=2, alpha=0.8, degree=3, robust=True)
+    smooth_file(
+        files,
+        tmp_path / "smooth.ply",
+        iterations=np.int64(1),
+        relax=np.True_,
+        noise=np.int64(0),
+        scheduler="synchronous",
+    )

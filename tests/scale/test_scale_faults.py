@@ -283,3 +283,20 @@ def test_a_killed_worker_changes_nothing(files, tmp_path):
     workers = {open_tile(results, tile).report.process for tile in range(TILES)}
     assert workers - {victim}
     assert os.getpid() not in workers
+
+
+def test_damaged_headers_of_tiles_are_noticed_or_read_all_the_same(tmp_path):
+    """A quote or a bracket that is lost makes other errors of NumPy than a wrong number; blanks do not matter."""
+    rows, noticed = np.zeros(300, dtype=[("x", "f8"), ("y", "f8")]), 0
+    write_tile(tmp_path, TileReport(0, 300, {}), rows)
+    path, data = tile_path(tmp_path, 0), tile_path(tmp_path, 0).read_bytes()
+    for place in range(128):
+        for bit in range(8):
+            damaged = bytearray(data)
+            damaged[place] ^= 1 << bit
+            path.write_bytes(bytes(damaged))
+            try:
+                np.testing.assert_array_equal(open_tile(tmp_path, 0).rows(), rows)
+            except DamagedTileError:
+                noticed += 1
+    assert noticed > 500

@@ -9,6 +9,7 @@ from test_scale_smoothing import assert_near
 
 from bezier_filters import smooth
 from bezier_filters.scale import estimate_file, smooth_file
+from bezier_filters.scale.source import open_source
 from bezier_filters.surfaces import bumpy_star, ellipsoid
 
 pytestmark = pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")
@@ -89,3 +90,21 @@ def test_vertices_move_as_in_memory(name, tmp_path):
     expected = smooth(vertices, faces)
     assert expected.max_displacement > expected.noise_before
     assert_near(report, expected)
+
+
+def test_fixed_borders_stay_in_tiles_where_they_have_outliers(tmp_path):
+    n = 40
+    x, y = np.meshgrid(np.arange(float(n)), np.arange(float(n)), indexing="ij")
+    place, random = np.arange(n * n).reshape(n, n), np.random.default_rng(0)
+    a, b, c, d = (part.ravel() for part in (place[:-1, :-1], place[1:, :-1], place[1:, 1:], place[:-1, 1:]))
+    faces = np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])]).astype(np.int32)
+    heights = random.normal(scale=0.08, size=n * n) + 2.0 * random.standard_normal(n * n) * (random.random(n * n) < 0.1)
+    vertices = np.column_stack([x.ravel(), y.ravel(), heights])
+    report = smooth_file(
+        save_arrays(tmp_path, vertices, faces), tmp_path / "out.ply", borders="fixed", tile_vertices=300, **HOW
+    )
+    assert report["tiles"] > 1
+    moved = np.linalg.norm(open_source(tmp_path / "out.ply").vertices(0, n * n) - vertices, axis=1)
+    on_border = (np.minimum(x, y) == 0.0) | (np.maximum(x, y) == n - 1.0)
+    assert moved[on_border.ravel()].max() == 0.0
+    assert moved.max() > 1.0

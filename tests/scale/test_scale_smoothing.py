@@ -21,6 +21,8 @@ from bezier_filters.errors import CancelledError
 from bezier_filters.meshes.adjacency import incoherent_vertices, vertex_adjacency
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.meshes.prepared_mesh import prepare_mesh
+from bezier_filters.sampling import mesh_parts
+from bezier_filters.sampling.mesh_parts import MAX_WHOLE_VERTICES, PART_CORE_VERTICES, PART_VERTICES
 from bezier_filters.scale import FitOptions, learn, smooth_file
 from bezier_filters.scale.components import label_vertices, merge_components
 from bezier_filters.scale.halo import tile_part
@@ -28,8 +30,6 @@ from bezier_filters.scale.learn import sample_store_parts
 from bezier_filters.scale.source import open_source
 from bezier_filters.scale.store import build_store
 from bezier_filters.scale.tiles import TileReport, open_tile, tile_path, write_tile
-from bezier_filters.smoothing import mesh_parts
-from bezier_filters.smoothing.mesh_parts import MAX_WHOLE_VERTICES, PART_CORE_VERTICES, PART_VERTICES
 from bezier_filters.smoothing.volume import ClosedComponents
 from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, sphere, torus, waves
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from laplacian_cases import dense, small_ball
 
+from bezier_filters.sampling.mesh_parts import whole_mesh
 from bezier_filters.smoothing.chebyshev import accumulate_residuals, diffuse, low_pass, low_pass_series
 from bezier_filters.smoothing.laplacian import umbrella_laplacian
 from bezier_filters.smoothing.low_pass import FILTER_ORDERS
-from bezier_filters.smoothing.mesh_parts import whole_mesh
 
 
 @pytest.fixture(scope="module")

@@ -7,10 +7,10 @@ from scipy.sparse.csgraph import connected_components
 
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.meshes.prepared_mesh import prepare_mesh
+from bezier_filters.sampling.mesh_parts import whole_mesh
 from bezier_filters.smoothing.chebyshev import diffuse
 from bezier_filters.smoothing.clusters import AVERAGING_TIME, clusters_of
 from bezier_filters.smoothing.laplacian import umbrella_laplacian
-from bezier_filters.smoothing.mesh_parts import whole_mesh
 from bezier_filters.surfaces import bumpy_star
 
 

@@ -10,8 +10,8 @@ from bezier_filters import smooth
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.meshes.prepared_mesh import prepare_mesh
 from bezier_filters.noise.noise_model import NoiseModel
+from bezier_filters.sampling.mesh_parts import sample_parts, whole_mesh
 from bezier_filters.smoothing.denoise import SmoothingOptions, denoise, halo_rings, learn_and_denoise, remove_noise
-from bezier_filters.smoothing.mesh_parts import sample_parts, whole_mesh
 from bezier_filters.surfaces import bumpy_star, ellipsoid, sphere, torus
 
 pytestmark = pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")

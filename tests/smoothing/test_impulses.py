@@ -10,8 +10,8 @@ from scipy.stats import norm
 from bezier_filters import estimate_vertex_geometry, smooth
 from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
 from bezier_filters.meshes.prepared_mesh import prepare_mesh
+from bezier_filters.sampling.mesh_parts import sample_parts
 from bezier_filters.smoothing.impulses import Impulses, has_settled, learn_impulses, remove_impulses
-from bezier_filters.smoothing.mesh_parts import sample_parts
 from bezier_filters.surfaces import bumpy_star, sphere, torus
 
 

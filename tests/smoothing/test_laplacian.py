@@ -5,8 +5,8 @@ import pytest
 from laplacian_cases import dense, small_ball, small_sheet
 
 from bezier_filters.meshes.triangles import area_vectors
+from bezier_filters.sampling.mesh_parts import whole_mesh
 from bezier_filters.smoothing.laplacian import cotangent_laplacian, umbrella_laplacian
-from bezier_filters.smoothing.mesh_parts import whole_mesh
 
 
 @pytest.fixture(scope="module")

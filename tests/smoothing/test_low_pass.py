@@ -8,11 +8,11 @@ from scipy.linalg import lu_factor, lu_solve
 
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.meshes.prepared_mesh import prepare_mesh
+from bezier_filters.sampling.mesh_parts import whole_mesh
 from bezier_filters.smoothing.chebyshev import DEFAULT_ORDER, low_pass
 from bezier_filters.smoothing.clusters import clusters_of
 from bezier_filters.smoothing.laplacian import cotangent_laplacian, umbrella_laplacian
 from bezier_filters.smoothing.low_pass import FILTER_ORDERS, learn_low_pass, max_strength
-from bezier_filters.smoothing.mesh_parts import whole_mesh
 from bezier_filters.smoothing.noise import NoisyMesh
 from bezier_filters.surfaces import sphere, torus
 

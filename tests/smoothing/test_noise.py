@@ -11,9 +11,9 @@ from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.meshes.prepared_mesh import prepare_mesh
+from bezier_filters.sampling.mesh_parts import whole_mesh
 from bezier_filters.smoothing.clusters import clusters_of
 from bezier_filters.smoothing.laplacian import umbrella_laplacian
-from bezier_filters.smoothing.mesh_parts import whole_mesh
 from bezier_filters.smoothing.noise import NoisyMesh, learn_noise_levels, local_sigma, roughest_vertices, roughness
 from bezier_filters.surfaces import block_with_sharp_edges, torus
 

@@ -8,8 +8,8 @@ from scanner_noise import averaged_noise, mean_edge_of, ring_means
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.meshes.prepared_mesh import prepare_mesh
 from bezier_filters.noise.noise_model import NoiseModel
+from bezier_filters.sampling.mesh_parts import whole_mesh
 from bezier_filters.smoothing.laplacian import umbrella_laplacian
-from bezier_filters.smoothing.mesh_parts import whole_mesh
 from bezier_filters.smoothing.noise import NoisyMesh
 from bezier_filters.smoothing.random_noise import WHITE, Correlation, random_signs
 from bezier_filters.surfaces import bumpy_star, torus, waves

@@ -6,9 +6,9 @@ from laplacian_cases import dense, small_ball
 
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.meshes.prepared_mesh import prepare_mesh
+from bezier_filters.sampling.mesh_parts import whole_mesh
 from bezier_filters.smoothing.clusters import clusters_of
 from bezier_filters.smoothing.laplacian import umbrella_laplacian
-from bezier_filters.smoothing.mesh_parts import whole_mesh
 from bezier_filters.smoothing.risk import Estimates, local_risks, local_shares, noise_factor, overall_risks
 from bezier_filters.surfaces import sphere
 

@@ -7,8 +7,8 @@ from smoothing_cases import large_star
 
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.meshes.prepared_mesh import prepare_mesh
-from bezier_filters.smoothing import mesh_parts
-from bezier_filters.smoothing.mesh_parts import sample_parts
+from bezier_filters.sampling import mesh_parts
+from bezier_filters.sampling.mesh_parts import sample_parts
 from bezier_filters.surfaces import sphere
 
 compiled = pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")

@@ -1,0 +1,168 @@
+"""Noise of rounded coordinates: meshes whose faces are stairs, as those of voxel masks and of heights in whole metres.
+
+Boundaries of voxel masks, heights in whole metres and coordinates of low precision are rounded to a step s, which is
+noise of standard deviation s / sqrt(12) along that axis (Widrow, Kollar, "Quantization Noise", 2008). If steps are
+about as long as edges, the dihedral angles of the stairs look like sharp edges.
+
+The error of a mask is correlated over its terraces; where these are wider than a neighbourhood, residuals do not show
+it. Not all coordinates that are multiples of a step are rounded. Two axes on which no two vertices share both
+coordinates are a sampling grid, as x and y of a height field. And stairs have treads and risers, so that their convex
+and concave edges lie side by side, which those of bodies made of bricks do not.
+"""
+
+from math import radians
+
+import numpy as np
+
+from bezier_filters.arrays import BoolArray, FloatArray
+from bezier_filters.meshes.half_edges import mesh_edges
+from bezier_filters.meshes.prepared_mesh import PreparedMesh
+from bezier_filters.noise.noise_model import NO_NOISE, NoiseModel
+
+MAX_STEP_SAMPLE = 20_000  # vertices of which the steps are found: a larger sample sees shorter steps
+# largest share of distinct values among the coordinates of an axis: steps of a twentieth of an edge and more have fewer
+MAX_DISTINCT_SHARE = 0.7
+STEP_TOLERANCE = 1e-5  # of a step: coordinates of single precision are multiples of it up to this
+MIN_DISTINCT_PAIRS = 0.99  # share of vertices with a pair of coordinates of their own from which on it is a grid
+# Noise by rounding over the mean edge from which on the stairs look like sharp edges: below it a step turns the normal
+# of a face by less than about 20 degrees. With 0.05 or 0.2 the same of the tested terrains, balls and tori are stairs.
+MIN_STAIR_NOISE = 0.1
+# Nugget and range, mean edges, of the errors of masks, as learned where residuals show them (a ball of radius 10, a
+# torus of 6): with a range of 1 or a nugget of 0.3, balls of radius 20 and 30 get the same curvature
+MASK_NUGGET, MASK_RANGE = 0.1, 0.75
+# Share of vertices on sharp edges that have convex and concave edges above this angle around: 0.76 to 1 on masks and
+# terrains in whole metres, 0 to 0.05 on bodies made of bricks, at most 0.4 on CAD parts and clean scans
+MIN_RISER_SHARE, MIN_RISER_ANGLE = 0.6, radians(30.0)
+
+
+def coordinate_steps(vertices: FloatArray) -> FloatArray:
+    """Steps of which the coordinates of each axis are multiples, up to an offset, (3,); 0 where there is none.
+
+    >>> heights = np.random.default_rng(0).normal(size=(1000, 3))
+    >>> coordinate_steps(np.round(heights / [1.0, 0.5, 1e-9]) * [1.0, 0.5, 1e-9])
+    array([1. , 0.5, 0. ])
+    """
+    stride = max(len(vertices) // MAX_STEP_SAMPLE, 1)
+    sample = vertices[::stride]
+    return np.array([_step(sample[:, axis]) for axis in range(3)])
+
+
+def _step(values: FloatArray) -> float:
+    """The step of one axis: the smallest difference, if all differences are multiples of it."""
+    distinct = np.unique(values)
+    scale = max(abs(float(distinct[0])), abs(float(distinct[-1]))) if len(distinct) else 0.0
+    if not 2 < len(distinct) <= MAX_DISTINCT_SHARE * len(values):
+        return 0.0
+    differences = np.diff(distinct)
+    differences = differences[differences > 4.0 * np.finfo(np.float32).eps * scale]
+    if len(differences) < 2:
+        return 0.0
+    step = float(differences.min())
+    multiples = differences / step
+    is_multiple = np.abs(multiples - np.round(multiples)) <= STEP_TOLERANCE * multiples + 4e-7 * scale / step
+    return step if is_multiple.all() else 0.0
+
+
+def describe_rounding(mesh: PreparedMesh) -> str:
+    """Say what the stairs of a mesh come from; empty if there are none.
+
+    >>> from bezier_filters.meshes.mesh import triangle_mesh
+    >>> from bezier_filters.meshes.prepared_mesh import prepare_mesh
+    >>> from bezier_filters.surfaces import waves
+    >>> hills = waves(resolution=60, amplitude=0.3)
+    >>> terrain = np.column_stack([30.0 * hills.vertices[:, :2], np.round(30.0 * hills.vertices[:, 2])])
+    >>> describe_rounding(prepare_mesh(triangle_mesh(terrain, hills.faces)))
+    'stairs: z is rounded to multiples of 1; this counts as noise, and the edges of the stairs are not sharp edges'
+    """
+    noise = rounding_noise(mesh)
+    if noise.variance == 0.0:
+        return ""
+    steps = coordinate_steps(mesh.vertices)
+    if noise.sills:
+        source = "they bound a voxel mask with voxels of " + " x ".join(f"{2.0 * step:.4g}" for step in steps)
+    else:
+        rounded = _remove_grid_steps(mesh.vertices, steps)
+        source = " and ".join(
+            f"{axis} is rounded to multiples of {step:.4g}" for axis, step in zip("xyz", rounded, strict=True) if step
+        )
+    return f"stairs: {source}; this counts as noise, and the edges of the stairs are not sharp edges"
+
+
+def _variance(mesh: PreparedMesh, steps: FloatArray) -> tuple[bool, float]:
+    """Whether a mesh is the boundary of a voxel mask, and the mean variance along the normal by rounding, length^2.
+
+    Axes of a sampling grid are not rounded. Of a vertex of a mask, only the coordinate half-way between voxels is, to
+    the whole voxel.
+    """
+    has_normal = mesh.planes.normals.any(axis=1)
+    points, normals = mesh.vertices[has_normal], mesh.planes.normals[has_normal]
+    if not len(points):
+        return False, 0.0
+    rounded = _remove_grid_steps(points, steps)
+    squares = np.square(normals * rounded)
+    is_half_way = _half_way(points, steps) if (rounded > 0.0).all() else np.zeros(points.shape, dtype=np.bool_)
+    is_mask = bool(np.mean(is_half_way.sum(axis=1) == 1) >= MIN_DISTINCT_PAIRS)
+    if is_mask:
+        squares = 4.0 * squares * is_half_way
+    return is_mask, float(squares.sum(axis=1).mean()) / 12.0
+
+
+def _remove_grid_steps(points: FloatArray, steps: FloatArray) -> FloatArray:
+    """The steps (3,) without those of a sampling grid, in which no two points (k, 3) share two coordinates."""
+    rounded = steps.copy()
+    for first, second in ((0, 1), (1, 2), (2, 0)):
+        if steps[first] > 0.0 and steps[second] > 0.0:
+            pairs = np.round(points[:, [first, second]] / steps[[first, second]])
+            if len(np.unique(pairs, axis=0)) >= MIN_DISTINCT_PAIRS * len(points):
+                rounded[[first, second]] = 0.0
+    return rounded
+
+
+def _half_way(points: FloatArray, steps: FloatArray) -> BoolArray:
+    """Which coordinates (k, 3) lie half-way between those of most vertices, as one of every vertex of a mask does."""
+    is_odd = np.round((points - points.min(axis=0)) / steps).astype(np.int64) % 2 == 1
+    return np.asarray(is_odd != (is_odd.mean(axis=0) > 0.5))
+
+
+def may_be_rounded(vertices: FloatArray) -> bool:
+    """Whether the coordinates of an axis are multiples of a step: a fast test."""
+    return bool((coordinate_steps(vertices) > 0.0).any())
+
+
+def rounding_noise(mesh: PreparedMesh) -> NoiseModel:
+    """Noise along the normal of coordinates whose steps have left stairs; of variance 0 if there are none.
+
+    >>> from bezier_filters.meshes.mesh import triangle_mesh
+    >>> from bezier_filters.meshes.prepared_mesh import prepare_mesh
+    >>> from bezier_filters.surfaces import block_with_sharp_edges, waves
+    >>> hills = waves(resolution=60, amplitude=0.3)
+    >>> heights = np.round(hills.vertices * [1.0, 1.0, 30.0]) / [1.0, 1.0, 30.0]
+    >>> terrain = np.column_stack([hills.vertices[:, :2], heights[:, 2]])
+    >>> bricks = block_with_sharp_edges(resolution=16)
+    >>> noise = [rounding_noise(prepare_mesh(triangle_mesh(*one))) for one in ((terrain, hills.faces), bricks)]
+    >>> bool(0.4 < np.sqrt(12.0) * noise[0].sigma * 30.0 < 1.0), noise[1].sigma
+    (True, 0.0)
+    """
+    steps = coordinate_steps(mesh.vertices)
+    if not (steps > 0.0).any() or not mesh.face_count:
+        return NO_NOISE
+    is_mask, variance = _variance(mesh, steps)
+    if variance <= (MIN_STAIR_NOISE * mesh.mean_edge) ** 2 or not _has_risers(mesh):
+        return NO_NOISE
+    if not is_mask:
+        return NoiseModel(variance)
+    return NoiseModel(MASK_NUGGET * variance, ((1.0 - MASK_NUGGET) * variance,), (MASK_RANGE * mesh.mean_edge,))
+
+
+def _has_risers(mesh: PreparedMesh) -> bool:
+    """Whether most vertices on sharp edges have both convex and concave edges around, as at treads and risers."""
+    sharp = np.flatnonzero(mesh.barriers)
+    if not len(sharp):
+        return False
+    edges, rows, n = mesh_edges(mesh), mesh.adjacency.vertices, mesh.vertex_count
+    start, is_near = np.repeat(np.arange(n), rows.lengths), np.ones(len(sharp), dtype=np.bool_)
+    for is_convex in (True, False):
+        ends = np.zeros(n, dtype=np.bool_)
+        ends[edges.vertices[(edges.angles > MIN_RISER_ANGLE) & (edges.is_convex == is_convex)]] = True
+        is_near &= (ends | (np.bincount(start, ends[rows.indices], n) > 0.0))[sharp]
+    return bool(is_near.mean() >= MIN_RISER_SHARE)
