@@ -178,7 +178,7 @@ def report(
 
 def _inspect(source: Path, stage: console.Stage, *, skip: bool) -> tuple["CurrentMesh", "Report"]:
     """A mesh, and the report of `info`."""
-    from bezier_filters.meshes.diagnosis import diagnose, inspect_mesh, is_fit
+    from bezier_filters.meshes.diagnosis import can_be_repaired, diagnose, inspect_mesh, is_fit
     from bezier_filters.meshes.mesh import triangle_mesh
     from bezier_filters.meshes.prepared_mesh import prepare_mesh
     from bezier_filters.meshlab.mesh_files import contents_of, load_mesh
@@ -203,6 +203,7 @@ def _inspect(source: Path, stage: console.Stage, *, skip: bool) -> tuple["Curren
         "noise": _noise_of(mesh) if mesh.face_count else None,
         "fit_for_fitting": is_fit(mesh, faults),
         "findings": [*diagnose(mesh, faults), *filter(None, [describe_rounding(prepare_mesh(mesh))])],
+        "can_be_repaired": can_be_repaired(faults),
         "contents": contents_of(ms),
     }
 
@@ -264,6 +265,10 @@ def demo(
     end_with_remarks(printable_path(out), {"warnings": list(dict.fromkeys(warnings))})
 
 
+_TOO_LITTLE_MEMORY = "there is not enough memory for this mesh; nothing was written"
+_NO_THREAD = "can't start new thread"  # Python's message
+
+
 def serve_command_line() -> None:
     """Run the command line in a child process, and end that."""
     from bezier_filters.runtime.supervision import serve
@@ -291,8 +296,10 @@ def _run() -> str:
     except (ValueError, OSError, ImportError, CancelledError) as error:
         return _one_line_message(error)
     except MemoryError:
-        return "there is not enough memory for this mesh; nothing was written"
+        return _TOO_LITTLE_MEMORY
     except Exception as error:
+        if isinstance(error, RuntimeError) and str(error) == _NO_THREAD:  # for want of memory for its stack
+            return _TOO_LITTLE_MEMORY
         # pymeshlab's exceptions share no base but Exception, and importing it here would be slow.
         if not any(base.__name__ == "PyMeshLabException" for base in type(error).__mro__):
             raise

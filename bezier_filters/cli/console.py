@@ -312,3 +312,5 @@ def print_mesh_summary(summary: Report, source: str) -> None:
     out().print("Fit for fitting, but note:" if summary["fit_for_fitting"] else "[bold]Not fit for fitting:[/]")
     for finding in summary["findings"]:
         out().print(f"  - {finding}")
+    if summary["can_be_repaired"]:
+        out().print("--repair of normals, curvature, torsion, smooth and fill-holes repairs some of it.")

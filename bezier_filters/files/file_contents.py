@@ -22,6 +22,7 @@ from bezier_filters.files.three_ds import read_3ds
 
 _MAX_QUOTED_CHARACTERS = 60  # characters of a row in a message
 _FLOAT_TRIPLE = 3
+_TRIANGLE_CORNERS = 3
 
 
 @dataclass
@@ -136,6 +137,8 @@ def _read_obj(path: Path) -> FileContents:
                 corners = [_integer(word.partition(b"/")[0]) for word in words[1:]]
             except ValueError:
                 raise _misread(path, number, words, "vertex indices only") from None
+            if len(corners) < _TRIANGLE_CORNERS:
+                raise _misread(path, number, words, "three corners or more")
             # Negative indices count back from here; 0 is invalid.
             face = [k - 1 if k > 0 else len(vertices) + k if k else -1 for k in corners]
             if min(face, default=0) < 0:

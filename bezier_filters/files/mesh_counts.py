@@ -72,17 +72,17 @@ def _count_obj(path: Path) -> MeshCounts:
         is_record = (second == ord(" ")) | (second == ord("\t"))
         is_vertex, is_face = is_record & (first == ord("v")), is_record & (first == ord("f"))
         # Bare carriage returns were line ends on old systems.
+        is_odd |= bool(((first == ord("f")) & np.isin(second, (ord("\r"), ord("\n")))).any())  # a face without corners
         is_odd |= b"\r" in block.text and block.text.count(b"\r") > block.text.count(b"\r\n")
         vertices += int(np.count_nonzero(is_vertex))
         if is_vertex.any():
             is_odd |= block.has_odd(is_vertex, heads=2)
         if is_face.any():
             lines = block.chosen(is_face)
-            faces += lines.word_count() - _TRIANGLE_CORNERS * len(lines)  # an f, and two corners more than triangles
-            is_odd = is_odd or lines.has_odd(integers=True, heads=2)
-            if not is_odd and lines.word_count() != (_TRIANGLE_CORNERS + 1) * len(
-                lines
-            ):  # its reader looks at triangles
+            words = lines.words_per_line()
+            faces += int(words.sum()) - _TRIANGLE_CORNERS * len(lines)  # an f, and two corners more than triangles
+            is_odd = is_odd or lines.has_odd(integers=True, heads=2) or bool((words <= _TRIANGLE_CORNERS).any())
+            if not is_odd and (words != _TRIANGLE_CORNERS + 1).any():  # its reader looks at triangles
                 corners = lines.integers()
                 highest = max(highest, int(corners.max(initial=0)))
                 # Negative indices count back from about here.
@@ -129,6 +129,7 @@ def _count_off(path: Path, head: bytes) -> MeshCounts:
             corners = first.astype(np.int64) - ord("0")
             triangles += int(np.maximum(corners - 2, 0).sum())
             is_odd |= block.has_odd() or block.has_long_number() or bool((second != ord(" ")).any())
+            is_odd |= bool((corners < _TRIANGLE_CORNERS).any())  # lines
             is_odd = is_odd or not _are_lists_below(block, announced[0], more=True)
             if not is_odd and (block.words_per_line() == corners + 2).any():
                 raise FieldFileError(

@@ -269,10 +269,11 @@ def _orientation_findings(mesh: TriangleMesh, report: MeshReport) -> list[str]:
 def explain(failure: str, otherwise: str, mesh: TriangleMesh) -> str:
     """A failure with the findings of `diagnose`, and whether `repair` of the filters helps, in one line.
 
-    Without findings, the text `otherwise` gives the reason.
+    Without findings, the text `otherwise` gives the reason, unless it is empty.
     """
     report = inspect_mesh(mesh)
-    text = f"{failure}: {'; '.join(diagnose(mesh, report)) or otherwise}"
+    reason = "; ".join(diagnose(mesh, report)) or otherwise
+    text = f"{failure}: {reason}" if reason else failure
     return f"{text}; repair=True of the filter repairs some of it" if can_be_repaired(report) else text
 
 

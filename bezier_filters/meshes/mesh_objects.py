@@ -5,6 +5,7 @@ Objects with faces that cannot be read are refused: without faces, a surface wou
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -18,19 +19,34 @@ EXPECTED = (
     "a mesh of pyvista, VTK, vedo, trimesh, Open3D, meshio, napari or pymeshlab, a pair (vertices, faces), or the path "
     "of a file"
 )
-# other attributes that hold connectivity in some library
-_OTHER_CONNECTIVITY = (
-    "polygons",
-    "tris",
-    "tetras",
-    "quads",
-    "simplices",
-    "elements",
-    "entities",
-    "topology",
-    "lines",
-    "edges",
-    "cells",
+# words in names of attributes that hold connectivity in some library, in the singular
+_CONNECTIVITY_WORDS = frozenset(
+    {
+        "cell",
+        "connectivity",
+        "edge",
+        "element",
+        "entity",
+        "entitie",
+        "face",
+        "hexa",
+        "hexahedra",
+        "hexahedron",
+        "indice",
+        "line",
+        "polygon",
+        "quad",
+        "simplice",
+        "simplex",
+        "strip",
+        "tet",
+        "tetra",
+        "tetrahedra",
+        "tetrahedron",
+        "topology",
+        "tri",
+        "triangle",
+    }
 )
 _IGNORED_CELLS = ("vertex", "line")  # cell types of meshio without faces
 
@@ -100,10 +116,32 @@ def _read_attributes(mesh: Any) -> _Pair:
     for name in ("faces", "triangles"):
         if (faces := getattr(mesh, name, None)) is not None and not callable(faces):
             return vertices, faces
-    if hasattr(mesh, "faces"):  # None
-        return vertices, None
-    _refuse_unread(mesh, [name for name in _OTHER_CONNECTIVITY if hasattr(mesh, name)])
+    _refuse_unread(mesh, _connectivity_names(mesh, len(vertices)))
     return vertices, None
+
+
+def _connectivity_names(mesh: Any, vertex_count: int) -> list[str]:
+    """Names of attributes that seem to hold connectivity: by their name, or as rows of indices, not one per vertex."""
+    names = []
+    for name in dir(mesh):
+        words = [word.removesuffix("s") for word in name.lower().split("_")]
+        if not words[0]:  # private
+            continue
+        if not _CONNECTIVITY_WORDS.isdisjoint(words):
+            value = getattr(mesh, name, None)
+            # methods and numbers with longer names do or count something
+            if value is not None and (len(words) == 1 or not (callable(value) or isinstance(value, Real | str))):
+                names.append(name)
+        elif _is_table_of_indices(getattr(mesh, "__dict__", {}).get(name), vertex_count):
+            names.append(name)
+    return names
+
+
+def _is_table_of_indices(value: Any, vertex_count: int) -> bool:
+    """Whether a value is an integer array of two or more columns, without a row for each vertex as colours have."""
+    return isinstance(value, np.ndarray) and (
+        value.dtype.kind in "iu" and value.ndim > 1 and value.shape[1] > 1 and len(value) != vertex_count
+    )
 
 
 def _refuse_unread(mesh: Any, names: Sequence[str]) -> None:
@@ -138,6 +176,8 @@ def _read_vtk(mesh: Any) -> _Pair:
     triangles.SetInputData(mesh)
     triangles.Update()
     polygons = triangles.GetOutput().GetPolys()
+    if not polygons.GetNumberOfCells() and mesh.GetNumberOfLines():
+        _refuse_unread(mesh, ["lines"])
     corners = to_numpy(polygons.GetConnectivityArray()) if polygons.GetNumberOfCells() else np.empty(0, np.int32)
     return points, corners.reshape(-1, 3)
 

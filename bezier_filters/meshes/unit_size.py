@@ -14,6 +14,7 @@ from typing import Any, ParamSpec, TypeVar, cast
 from numpy.typing import ArrayLike
 
 from bezier_filters.arguments import real_array
+from bezier_filters.errors import is_real
 from bezier_filters.meshes.mesh import MAX_COORDINATE, MIN_COORDINATE
 
 Parameters = ParamSpec("Parameters")
@@ -62,7 +63,7 @@ def normalizes_size(*lengths: str) -> Callable[[Callable[Parameters, Result]], C
             for name, value in bound.arguments.items():
                 if name == "vertices":
                     bound.arguments[name] = real_array(given) * ldexp(1.0, -exponent)
-                elif name in lengths and value is not None:
+                elif name in lengths and is_real(value) and value > 0.0:  # others are refused by the function
                     bound.arguments[name] = value * ldexp(1.0, -exponent)
                 elif dataclasses.is_dataclass(value):
                     bound.arguments[name] = _rescale(value, -exponent)

@@ -5,8 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
+from bezier_filters.arguments import brief_repr, check_value, path_of
 from bezier_filters.arrays import FloatArray
 from bezier_filters.display import AUTO, PALETTES, default_colormap
+from bezier_filters.errors import InvalidParameterError, is_real
 from bezier_filters.meshlab.meshset import BezierFilterError, Mesh, MeshSet, current_mesh
 from bezier_filters.runtime.atomic import atomic_write, temporary_folder
 
@@ -20,11 +22,11 @@ COLOR_MAP_NAMES = (*_COLOR_MAPS, *_TRANSFER_FUNCTIONS, "Saw 4", "Saw 8", *PALETT
 
 def find_color_map(name: str, *, signed: bool = False) -> str:
     """Colour map by name, in any case; ``"auto"`` depends on whether zero is the middle of the field's range."""
-    wanted = default_colormap(signed=signed) if name == AUTO else name
+    wanted = default_colormap(signed=signed) if isinstance(name, str) and name == AUTO else name
     for known in COLOR_MAP_NAMES:
         if isinstance(wanted, str) and known.lower() == wanted.lower():
             return known
-    raise BezierFilterError(f"colormap: got {name!r}, expected one of {', '.join((AUTO, *COLOR_MAP_NAMES))}")
+    raise BezierFilterError(f"colormap: got {brief_repr(name)}, expected one of {', '.join((AUTO, *COLOR_MAP_NAMES))}")
 
 
 def check_limits(low: float, high: float) -> None:
@@ -36,6 +38,13 @@ def check_limits(low: float, high: float) -> None:
             f"colour range: got {low!r} to {high!r}, expected low < high, distinct in single precision; "
             "if the mesh is extremely large or small, scale it"
         )
+
+
+def _check_ends(low: object, high: object) -> None:
+    """Refuse ends of a colour range that are no numbers."""
+    for name, value in (("low", low), ("high", high)):
+        if not is_real(value):
+            raise InvalidParameterError(f"{name}: got {brief_repr(value)}, expected a number")
 
 
 def color_by_quality(ms: MeshSet, low: float, high: float, colormap: str = AUTO) -> None:
@@ -60,6 +69,8 @@ def color_by_quality(ms: MeshSet, low: float, high: float, colormap: str = AUTO)
     ------
     BezierFilterError
         If the colour map is unknown, the range is empty, or the quality is missing or not finite.
+    InvalidParameterError
+        If `ms` is no MeshSet, or `low` or `high` no number.
 
     Examples
     --------
@@ -69,6 +80,8 @@ def color_by_quality(ms: MeshSet, low: float, high: float, colormap: str = AUTO)
     >>> ms.compute_scalar_by_function_per_vertex(q="z")
     >>> color_by_quality(ms, -1.0, 1.0, "turbo")
     """
+    check_value("ms", ms, (MeshSet,))
+    _check_ends(low, high)
     color_map = find_color_map(colormap, signed=low == -high)
     check_limits(low, high)
     mesh = current_mesh(ms)
@@ -119,6 +132,8 @@ def save_quality_map(path: str | os.PathLike[str], low: float, high: float, colo
     ------
     BezierFilterError
         If the colour map is unknown or the range is empty.
+    InvalidParameterError
+        If `path` is no path, or `low` or `high` no number.
     OSError
         If the file cannot be written.
 
@@ -130,6 +145,8 @@ def save_quality_map(path: str | os.PathLike[str], low: float, high: float, colo
     >>> path.read_text().splitlines()[1]
     '0;0.23;0.5;0.9;1;0.75;'
     """
+    path = path_of(path)
+    _check_ends(low, high)
     color_map = find_color_map(colormap, signed=low == -high)
     check_limits(low, high)
     colors = np.array(PALETTES[color_map]) if color_map in PALETTES else _sample_colormap(color_map)

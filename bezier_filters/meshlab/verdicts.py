@@ -8,12 +8,12 @@ from bezier_filters.meshes.diagnosis import can_be_repaired, explain, inspect_me
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.meshlab.meshset import CurrentMesh
 from bezier_filters.meshlab.topology import Topology
-from bezier_filters.smoothing.smooth import SmoothingResult
+from bezier_filters.smoothing.smooth import SmoothingMethod, SmoothingResult, unknown_noise
 from bezier_filters.status import FitStatus
 
 
 def fit_verdict(what: str, geometry: VertexGeometry, mesh: CurrentMesh, mask: BoolArray, worst: FitStatus) -> Report:
-    """A warning if no vertex of a mask has an estimate, a remark if most estimates are unreliable."""
+    """A warning if no vertex of a mask has an estimate, or folds spoil most; a remark if most are unreliable."""
     if len(mesh.faces):  # isolated vertices have a message of their own
         in_faces = np.isin(np.arange(len(mask)), mesh.faces)
         mask = mask & in_faces if (mask & in_faces).any() else mask
@@ -26,7 +26,8 @@ def fit_verdict(what: str, geometry: VertexGeometry, mesh: CurrentMesh, mask: Bo
     if (status > worst).all():
         return {"warnings": [explain(f"no vertex has a {what}", most.message, shape)], "remarks": []}
     bad = f"{len(status) - int(good.sum()):,} of {len(status):,} vertices have no {what} to rely on"
-    return {"warnings": [], "remarks": [explain(bad, most.message, shape)]}
+    found = [explain(bad, most.message, shape)]
+    return {"warnings": found, "remarks": []} if most == FitStatus.FOLDED else {"warnings": [], "remarks": found}
 
 
 def orientation_remarks(mesh: CurrentMesh, topology: Topology) -> list[str]:
@@ -45,12 +46,14 @@ def _volume(mesh: CurrentMesh) -> float:
     return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
 
 
-def smoothing_warnings(result: SmoothingResult, mesh: CurrentMesh) -> list[str]:
+def smoothing_warnings(result: SmoothingResult, mesh: CurrentMesh, method: SmoothingMethod) -> list[str]:
     """Why nothing was smoothed; empty where nothing was to do, as on a clean or a flat mesh."""
     if result.displacement.any():
         return []
     shape = triangle_mesh(mesh.vertices, mesh.faces)
+    if method == "auto" and result.noise_before is None:
+        return [explain(unknown_noise(result.noise_reason), "", shape)]
     faults = inspect_mesh(shape)
     if is_fit(shape, faults) and (result.noise_before is not None or not can_be_repaired(faults)):
         return []
-    return [explain("nothing was smoothed", "the noise is not known", shape)]
+    return [explain("nothing was smoothed", "no vertex has a patch", shape)]

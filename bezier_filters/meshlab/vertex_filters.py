@@ -345,7 +345,7 @@ def apply_coord_bezier_patch_smoothing(
         remark = f"iterations: {result.iterations} of {iterations} moved something, then nothing was left to do"
         report = _smoothing_report(result) | {
             "remarks": [remark] if 0 < result.iterations < iterations else [],
-            "warnings": smoothing_warnings(result, mesh),
+            "warnings": smoothing_warnings(result, mesh, method),
         }
         return Computed(columns(SMOOTH, result), mask, report, lambda: write_coordinates(ms, result.vertices))
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from bezier_filters.arguments import checks_arguments, real_array
 from bezier_filters.arrays import FloatArray
-from bezier_filters.errors import InvalidParameterError, is_real
+from bezier_filters.errors import InvalidParameterError, is_integer, is_real
 from bezier_filters.patches.patch import BezierPatch, ParameterRectangle
 from bezier_filters.patches.polynomials import PolynomialSpace, monomials_from_bernstein, tensor_space
 from bezier_filters.patches.smoothness import Penalty, smoothness_matrix
@@ -45,7 +45,7 @@ class PatchFit:
     smoothness: Penalty = "third_order"
 
     def __post_init__(self) -> None:
-        if not is_real(self.degree) or self.degree not in DEGREES:
+        if not is_integer(self.degree) or self.degree not in DEGREES:
             raise InvalidParameterError(f"degree: got {self.degree!r}, expected one of {DEGREES}")
         if not is_real(self.alpha) or not 0.0 < self.alpha <= 1.0:
             raise InvalidParameterError(f"alpha: got {self.alpha!r}, expected a number in (0, 1]")

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bezier_filters.arguments import brief_repr, checks_arguments
 from bezier_filters.display import AUTO, PALETTES, matplotlib_colormap
-from bezier_filters.errors import InvalidParameterError
+from bezier_filters.errors import InvalidParameterError, is_integer, is_real
 from bezier_filters.pictures import scene
 from bezier_filters.pictures.scene import Image, Panel
 from bezier_filters.runtime.atomic import atomic_write
@@ -45,6 +46,7 @@ _ARROW = 0.04  # length of the ends of a bar beyond its range, in units of its l
 _BINS = 60  # of histograms
 
 
+@checks_arguments
 def render_panels(
     path: str | os.PathLike[str],
     panels: Sequence[Panel],
@@ -128,6 +130,10 @@ def _check_panels(
     import matplotlib
     from matplotlib.colors import is_color_like, to_hex
 
+    if not isinstance(panels, Sequence) or not all(isinstance(panel, Panel) for panel in panels):
+        raise InvalidParameterError(f"panels: got {brief_repr(panels)}, expected a list of Panel")
+    if not isinstance(views, Sequence) or isinstance(views, str):
+        raise InvalidParameterError(f"views: got {brief_repr(views)}, expected a list of names")
     if not panels or not views:
         raise InvalidParameterError("got no panels or no views, expected at least one of each")
     for view in views:
@@ -140,8 +146,10 @@ def _check_panels(
             _check_choice(
                 "colormap", panel.colormap, [*_OWN_MAPS, *matplotlib.colormaps], (*_OWN_MAPS, "turbo", "RdBu")
             )
-    if columns is not None and columns < 1:
-        raise InvalidParameterError(f"columns is {columns}, expected at least 1")
+    if columns is not None and not (is_integer(columns) and columns >= 1):
+        raise InvalidParameterError(f"columns is {brief_repr(columns)}, expected at least 1")
+    if not isinstance(size, Sequence) or not all(map(is_real, size)) or len(size) != len(("width", "height")):
+        raise InvalidParameterError(f"size: got {brief_repr(size)}, expected a width and a height")
     if not all(_SIZES[0] <= side <= _SIZES[1] for side in size):
         raise InvalidParameterError(f"size is {size}, expected a width and a height of {_SIZES[0]} to {_SIZES[1]}")
     if not is_color_like(background):

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from bezier_filters.arguments import checks_arguments
-from bezier_filters.arrays import Report
+from bezier_filters.arrays import FloatArray, Report
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.fields import CURVATURE, ESTIMATES, PREFIX, QUALITY, TORSION, Field, fields_of, values_of
 from bezier_filters.fitting.fallbacks import fit_with_fallbacks
@@ -16,6 +16,11 @@ from bezier_filters.fitting.outlier_removal import rebase_displacements
 from bezier_filters.fitting.region_fits import count_part, fit_regions
 from bezier_filters.fitting.surface_fit import SurfaceFit
 from bezier_filters.fitting.vertex_geometry import FitChoice, VertexGeometry, empty_geometry
+from bezier_filters.meshes.adjacency import incoherent_vertices
+from bezier_filters.meshes.face_sides import MIN_RELATIVE_VOLUME
+from bezier_filters.meshes.half_edges import proper_faces
+from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.meshes.prepared_mesh import prepare_mesh
 from bezier_filters.runtime.parallel import single_threaded_blas
 from bezier_filters.scale.array_file import Values
 from bezier_filters.scale.halo import TilePart, tile_part
@@ -25,6 +30,7 @@ from bezier_filters.scale.scheduling import Scheduler, dashboard
 from bezier_filters.scale.source import SourcePath, open_source
 from bezier_filters.scale.store import Store
 from bezier_filters.scale.tiles import TileReport, table_of
+from bezier_filters.smoothing.volume import ClosedComponents, component_volumes
 from bezier_filters.status import FitStatus
 from bezier_filters.surface_model.fit_options import FitOptions
 from bezier_filters.surface_model.model_tree import leaves
@@ -99,7 +105,8 @@ def estimate_file(
     Returns
     -------
     dict
-        Report: the choice of the fit, status counts, tiles, seconds and the most memory of any process.
+        Report: the choice of the fit, status counts, tiles, seconds and the most memory of any process; ``warnings``
+        (texts: why most vertices have no curvature) and ``remarks`` (texts on orientation).
 
     Raises
     ------
@@ -153,9 +160,8 @@ def estimate_file(
         "attributes": chosen,
         "fit": asdict(_count_parts(fit, done)),
         "status": {code.name: count for code, count in status.items()},
-        "warnings": []
-        if any(code.has_curvature for code in status)
-        else [_no_curvature(max(status, key=lambda code: status[code]))],
+        "warnings": _status_warnings(status),
+        "remarks": _orientation_remarks(done, sum(status.values())),
         "halo_rings": rings_needed(fit),
         "dashboard": link or None,
     }
@@ -197,8 +203,52 @@ def estimate_tile(
     sums = {
         "status": [float(counts.get(status.name, 0)) for status in FitStatus],
         "parts": [float(part.vertices) for part in geometry.fit.parts],
+        "orientation": _orientation_sums(part, store.coordinates(0, 1)[0]),
     }
     return rows, TileReport(tile, len(part.ids), sums)
+
+
+def _status_warnings(counts: dict[FitStatus, int]) -> list[str]:
+    """A warning if no vertex has a curvature, or folds spoil most of them, as in memory."""
+    most, total = max(counts, key=lambda status: counts[status]), sum(counts.values())
+    if not any(status.has_curvature for status in counts):
+        return [_no_curvature(most)]
+    bad = sum(count for status, count in counts.items() if status >= FitStatus.FOLDED)
+    if most != FitStatus.FOLDED or 2 * bad < total:
+        return []
+    return [f"{bad:,} of {total:,} vertices have no curvature to rely on: {most.message}"]
+
+
+def _orientation_remarks(done: Round, vertex_count: int) -> list[str]:
+    """Remarks about wrong signs, by flipped faces or negative volume, from the sums over all tiles."""
+    incoherent, open_vertices, volume, squares = done.sums("orientation")
+    if incoherent:
+        return [
+            f"at {int(incoherent):,} vertices, faces are flipped against others, or more than two meet at an edge: "
+            "signs may be wrong there (meshing_re_orient_faces_coherently)"
+        ]
+    size = np.sqrt(squares / vertex_count)
+    if open_vertices or volume >= -MIN_RELATIVE_VOLUME * size**3:
+        return []
+    return [
+        "the closed surface has a negative volume, so that it is inside out: the signs of its curvatures and normals "
+        "are wrong (meshing_invert_face_orientation)"
+    ]
+
+
+def _orientation_sums(part: TilePart, origin: FloatArray) -> list[float]:
+    """Sums over a tile: vertices with incoherent faces, and on borders; volume and squared distances from a point (3,).
+
+    The units are 1, 1, length^3 and length^2.
+    """
+    mesh = prepare_mesh(part.mesh)
+    if len(mesh.adjacency.faces.indices) < mesh.faces.size:  # some faces repeat a vertex
+        mesh = prepare_mesh(TriangleMesh(mesh.vertices, proper_faces(mesh.faces)))
+    incoherent = incoherent_vertices(mesh.faces, mesh.adjacency)[part.own]
+    whole = ClosedComponents(np.zeros(mesh.vertex_count, np.int32), origin[np.newaxis])
+    volume = component_volumes(whole, TriangleMesh(mesh.vertices, part.mesh.faces[part.faces_of_tile()]))[0]
+    squares = np.square(mesh.vertices[part.own] - origin).sum()
+    return [float(incoherent.sum()), float(mesh.adjacency.on_boundary[part.own].sum()), float(volume), float(squares)]
 
 
 def _no_curvature(status: FitStatus) -> str:
@@ -212,6 +262,7 @@ def _no_curvature(status: FitStatus) -> str:
 def fit_tile(store: Store, fit: SurfaceFit, tile: int) -> tuple[VertexGeometry, TilePart]:
     """Estimate the vertices of a tile as in the whole mesh; also returns the part of the mesh that was read."""
     part = tile_part(store, tile, rings_needed(fit))
+    part = replace(part, mesh=prepare_mesh(part.mesh))  # whose adjacency is used again
     arrays = mesh_to_fit(part.mesh, fit.with_barriers, fit.cleaned, fit.smooth_normals)
     own = np.arange(part.own.start, part.own.stop, dtype=np.int32)
     arrays = arrays._replace(origin=np.arange(len(part.ids), dtype=np.int32) - own[0])

@@ -24,6 +24,7 @@ from bezier_filters.scale.learn import (
     check_tile_options,
     learn_fit,
     rings_needed,
+    store_neighbourhoods,
 )
 from bezier_filters.scale.run import Run, RunOptions, StageProgress, file_run
 from bezier_filters.scale.scheduling import Scheduler
@@ -41,7 +42,13 @@ from bezier_filters.scale.tiles import Tile, TileReport, open_tile, table_of
 from bezier_filters.smoothing.denoise import SmoothingOptions
 from bezier_filters.smoothing.flipped_faces import bad_faces, repair_flipped_faces
 from bezier_filters.smoothing.rounds import denoise_surface
-from bezier_filters.smoothing.smooth import SmoothedBorders, SmoothingMethod, admissible_displacements, check_smoothing
+from bezier_filters.smoothing.smooth import (
+    SmoothedBorders,
+    SmoothingMethod,
+    admissible_displacements,
+    check_smoothing,
+    unknown_noise,
+)
 from bezier_filters.smoothing.volume import (
     VOLUME_STEPS,
     apply_moves,
@@ -51,6 +58,7 @@ from bezier_filters.smoothing.volume import (
     volume_steps,
 )
 from bezier_filters.surface_model.fit_options import FitOptions
+from bezier_filters.surface_model.learn import explain_unknown_surface
 
 DISPLACEMENT = PREFIX + "displacement"  # column of the displacement
 PAPER_OPTIONS = FitOptions(rings=2, alpha=0.8, smoothness="paper")  # as ``bezier_filters.smooth(..., method="paper")``
@@ -111,7 +119,8 @@ def smooth_file(
     Returns
     -------
     dict
-        Report, as of `estimate_file`; computed and damaged tiles are those of all rounds.
+        Report, as of `estimate_file`; computed and damaged tiles are those of all rounds. ``warnings`` say why
+        the automatic smoothing moved nothing.
 
     Raises
     ------
@@ -178,10 +187,14 @@ def _smooth_automatically(run: Run, iterations: int, options: SmoothingOptions, 
     store, done = run_round(run, "finish", results / "finish", finish)
     left = StoredSurface(common, store).learn_noise()
     run.write(done.tiles)
+    warnings = []
+    if known is None and not any(tile.rows()[DISPLACEMENT].any() for tile in done.tiles):
+        warnings = [unknown_noise(explain_unknown_surface(store_neighbourhoods(mesh, FitOptions())))]
     return run.report() | {
         "iterations": iterations,
         "quality": DISPLACEMENT,
         "attributes": [DISPLACEMENT, SHARPNESS],
+        "warnings": warnings,
         "noise": {
             "before": None if known is None else known.sigma,
             "after": None if left is None else left.sigma,

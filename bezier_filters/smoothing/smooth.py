@@ -301,6 +301,11 @@ def smooth(
         )
 
 
+def unknown_noise(reason: str) -> str:
+    """Warning that nothing was smoothed, as the noise could not be learned for a reason."""
+    return f"nothing was smoothed, as the noise is not known ({reason})"
+
+
 def admissible_displacements(mesh: PreparedMesh, displacements: FloatArray) -> FloatArray:
     """Displacements onto patches, (n, 3), set to zero if longer than the edges, and at edges that are not manifold."""
     admissible = (np.linalg.norm(displacements, axis=1) <= longest_edges(mesh)) & ~non_manifold_edge_vertices(mesh)

@@ -60,7 +60,8 @@ class FitOptions:
                 raise InvalidParameterError(
                     f"radius: got {self.radius!r} and rings={self.rings!r}; give one of them, not both"
                 )
-        if not self.is_fixed and self.degree != "auto" and self.degree not in CANDIDATE_DEGREES:
+        is_degree = is_integer(self.degree) and self.degree in CANDIDATE_DEGREES
+        if not self.is_fixed and self.degree != "auto" and not is_degree:
             raise InvalidParameterError(f"degree: got {self.degree!r}, expected one of {CANDIDATE_DEGREES}, or 'auto'")
         if not self.is_fixed and self.smoothness != "third_order":
             raise InvalidParameterError(
@@ -72,12 +73,16 @@ class FitOptions:
         has_size = self.ring_count is not None or self.radius is not None
         check_noise(self.noise)
         if self.noise is not None and fixed is not None and has_size:
-            raise InvalidParameterError(f"noise: {size} and alpha are given, so the noise has no effect; omit it")
+            given = f"{size} and alpha are given"
+            if self.alpha == "auto" and self.radius is not None:
+                given = 'radius is given and smoothness="paper" determines alpha'
+            elif "auto" in (self.alpha, self.rings) and self.radius is None:
+                given = 'smoothness="paper" determines rings and alpha'
+            raise InvalidParameterError(f"noise: {given}, so the noise has no effect; omit it")
         check_detail(self.detail)
+        by = 'smoothness="paper"' if size == "rings" and self.rings == "auto" else size
         if self.detail is not None and has_size:
-            raise InvalidParameterError(
-                f"detail: {size} determines the size of neighbourhoods already; omit one of them"
-            )
+            raise InvalidParameterError(f"detail: {by} determines the size of neighbourhoods already; omit one of them")
         if self.fallbacks not in get_args(Fallbacks):
             raise InvalidParameterError(f"fallbacks: got {self.fallbacks!r}, expected one of {get_args(Fallbacks)}")
         if self.fold_test not in get_args(FoldTest):

@@ -17,6 +17,17 @@ SOUP = BALL.vertices[BALL.faces].reshape(-1, 3), np.arange(BALL.faces.size).resh
 TWO_SIDED = BALL.vertices, np.vstack([BALL.faces, BALL.faces[:, ::-1]])
 FLIPPED = BALL.vertices, np.vstack([BALL.faces[::2], BALL.faces[1::2, ::-1]])
 TRIANGLE = np.eye(3), np.array([[0, 1, 2]])
+IS_ABOVE = BALL.vertices[BALL.faces].mean(axis=1)[:, 2] > 0.0
+HALF_INWARDS = BALL.vertices, np.where(IS_ABOVE[:, np.newaxis], BALL.faces[:, ::-1], BALL.faces)
+INSIDE_OUT = BALL.vertices, BALL.faces[:, ::-1]
+
+
+def strip_of_two_rows(n=60):
+    x, y = np.arange(2 * n) % n, np.arange(2 * n) // n
+    heights = np.random.default_rng(0).normal(scale=0.05, size=2 * n)
+    i = np.arange(n - 1)
+    faces = [np.column_stack([i, i + 1, i + n]), np.column_stack([i + 1, i + n + 1, i + n])]
+    return np.column_stack([x, y, heights]).astype(np.float64), np.vstack(faces)
 
 
 def save(path, vertices, faces):
@@ -61,12 +72,58 @@ def test_other_meshes_without_a_curvature(mesh, reason, tmp_path):
 def test_flipped_faces(tmp_path):
     source, target = save(tmp_path / "mesh.ply", *FLIPPED), tmp_path / "out.ply"
     result = run("curvature", source, target)
+    assert result.returncode == 3
     assert "have no curvature to rely on" in result.stderr
     assert "faces (50%) are flipped" in result.stderr
+    assert "--repair repairs" in result.stderr
     assert run("smooth", source, target).returncode == 3
     report = json.loads(run("curvature", source, target, "--repair", "--json").stdout)
     assert report["repaired"]["turned_faces"] == len(BALL.faces) / 2
     np.testing.assert_allclose(np.abs(read_fields(target)["bz_mean_curvature"]), 1.0, atol=0.01)
+
+
+@pytest.mark.parametrize("mesh", [FLIPPED, HALF_INWARDS])
+def test_info_names_flipped_faces_and_what_helps(mesh, tmp_path):
+    shown = run("info", save(tmp_path / "mesh.ply", *mesh)).stdout
+    assert "are flipped against the others" in shown
+    assert "--repair of normals, curvature" in shown
+    assert "--repair" not in run("info", save(tmp_path / "ball.ply", BALL.vertices, BALL.faces)).stdout
+
+
+@pytest.mark.parametrize("command", [["smooth"], ["scale", "smooth", "--scheduler", "synchronous"]])
+@pytest.mark.parametrize("mesh", [strip_of_two_rows(), SOUP, FLIPPED])
+def test_nothing_is_smoothed_without_the_noise(command, mesh, tmp_path):
+    source, target = save(tmp_path / "mesh.ply", *mesh), tmp_path / "out.ply"
+    result = run(*command, source, target)
+    assert result.returncode == 3
+    assert "nothing was smoothed, as the noise is not known" in result.stderr
+    report = json.loads(run(*command, source, target, "--json").stdout)
+    assert len(report["warnings"]) == 1
+    assert not read_fields(target)["bz_displacement"].any()
+
+
+@pytest.mark.parametrize("command", [["smooth"], ["scale", "smooth", "--scheduler", "synchronous"]])
+def test_a_mesh_without_noise_needs_no_look(command, tmp_path):
+    result = run(*command, save(tmp_path / "mesh.ply", BALL.vertices, BALL.faces), tmp_path / "out.ply", "--json")
+    assert (result.returncode, json.loads(result.stdout)["warnings"]) == (0, [])
+
+
+@pytest.mark.parametrize(
+    ("mesh", "status", "text"),
+    [
+        ((BALL.vertices, BALL.faces), 0, ""),
+        (strip_of_two_rows(), 0, ""),
+        (INSIDE_OUT, 0, "note: the closed surface has a negative volume"),
+        (HALF_INWARDS, 0, "vertices, faces are flipped against others"),
+        (FLIPPED, 3, "vertices have no curvature to rely on"),
+    ],
+)
+def test_orientation_in_tiles(mesh, status, text, tmp_path):
+    source, target = save(tmp_path / "mesh.ply", *mesh), tmp_path / "out.ply"
+    result = run("scale", "curvature", source, target, "--scheduler", "synchronous", "--tile-vertices", "256")
+    assert result.returncode == status
+    assert text in result.stderr
+    assert bool(text) == bool(result.stderr)
 
 
 def test_a_body_that_is_inside_out_is_turned(tmp_path):

@@ -255,6 +255,8 @@ def test_two_python_threads_may_estimate_at_once(bunny):
         ({"alpha": None}, InvalidParameterError, "alpha: got None"),
         ({"threads": "a"}, InvalidParameterError, "threads: got 'a'"),
         ({"alpha": 1.5}, InvalidParameterError, "alpha: got 1.5"),
+        ({"degree": 2.0}, InvalidParameterError, "degree: got 2.0"),
+        ({"degree": 2.0, "alpha": 0.5}, InvalidParameterError, "degree: got 2.0"),
         ({"degree": 7}, InvalidParameterError, "degree: got 7"),
         ({"degree": 6, "alpha": 0.5}, InvalidParameterError, "degree: got 6"),
         ({"smoothness": "none"}, InvalidParameterError, "smoothness: got 'none'"),

@@ -99,6 +99,10 @@ REFUSED = {
     "fortran.obj": (obj(changed("1.0D2 1 0")), "line 3 has '1.0D2 1 0'"),
     "a_word_for_a_corner.obj": (obj() + "f 1 2 x\n", "line 11 has 'f 1 2 x'"),
     "half_a_corner.obj": (obj() + "f 1 2 3.7\n", "line 11 has 'f 1 2 3.7'"),
+    "two_corners.obj": (obj(faces=[*FACES[:2], (0, 1), *FACES[2:]]), "line 8 has 'f 1 2', expected three corners"),
+    "two_and_four.obj": (obj(faces=[*FACES, (0, 1), (0, 1, 2, 3)]), "line 11 has 'f 1 2', expected three corners"),
+    "a_corner.obj": (obj() + "f 1\nf 1 2 4\n", "line 11 has 'f 1', expected three corners"),
+    "no_corners.obj": (obj() + "f\nf 1 2 4\n", "line 11 has 'f', expected three corners"),
     "a_comment.obj": (obj() + "f 1 2 4 # 5\n", "line 11 has 'f 1 2 4 # 5'"),
     "old_mac.obj": (obj().replace("\n", "\r"), "carriage returns alone"),
     "a_word.off": (off(changed("abc 1 0")), "line 5 has 'abc 1 0'"),
@@ -159,6 +163,14 @@ def test_sound_files_pass_without_a_word(name, tmp_path):
     assert len(faces) == (0 if name.split(".")[1] in ("xyz", "asc", "pts") else 5)
     if not name.endswith(".stl"):
         np.testing.assert_array_equal(vertices, [[float(x) for x in row.split()] for row in ROWS])
+
+
+def test_lines_among_the_faces_of_off_files_are_named(tmp_path):
+    """They are allowed there, and no surface."""
+    path = written(tmp_path, "lines.off", off(faces=[*FACES[:2], (0, 1), (3, 4), *FACES[2:], (0, 1, 4, 3)]))
+    with pytest.warns(MeshFileNote, match="2 faces with fewer than three different corners were left out"):
+        _, faces = mesh_arrays(path)
+    assert len(faces) == len(FACES) + 2
 
 
 @pytest.mark.parametrize("suffix", SAVE_SUFFIXES)

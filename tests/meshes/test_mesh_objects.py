@@ -166,6 +166,39 @@ def test_faces_that_are_not_understood_are_refused():
             bf.mesh_arrays(source)
 
 
+@pytest.mark.parametrize("coordinates", ["points", "vertices"])
+@pytest.mark.parametrize(
+    "name", ["tets", "face", "Cells", "cell_array", "triangle_indices", "line", "edges", "simplices", "f", "T"]
+)
+def test_other_connectivity_is_refused(coordinates, name):
+    """By the name of the attribute, or because its array holds indices."""
+    tetrahedra = np.array([[0, 1, 2, 3]])
+    for more in ({}, {"faces": None}):
+        source = SimpleNamespace(**{coordinates: SHAPE.vertices, name: tetrahedra, **more})
+        with pytest.raises(bf.InvalidMeshError, match=f"whose {name} cannot be read as triangles"):
+            bf.mesh_arrays(source)
+
+
+def test_other_attributes_of_points_do_not_matter():
+    n = len(SHAPE.vertices)
+    colors, scalars = np.zeros((n, 3), np.uint8), {"color": np.zeros((3, 2), np.int64)}
+    source = SimpleNamespace(points=SHAPE.vertices, colors=colors, labels=np.arange(7), data=scalars, faces=None)
+    vertices, faces = bf.mesh_arrays(source)
+    np.testing.assert_array_equal(vertices, SHAPE.vertices)
+    assert faces.shape == (0, 3)
+
+
+def test_lines_are_no_point_cloud():
+    pyvista = pytest.importorskip("pyvista")
+    edges = bf.to_pyvista(*PAIR).extract_all_edges()
+    for source in (pyvista.Line(resolution=5), edges):
+        with pytest.raises(bf.InvalidMeshError, match="PolyData, whose lines cannot be read as triangles"):
+            bf.mesh_arrays(source)
+    surface = bf.to_pyvista(*PAIR)
+    surface.lines = [2, 0, 1]  # as a mark on it
+    assert len(bf.mesh_arrays(surface)[1]) == len(SHAPE.faces)
+
+
 @pytest.mark.parametrize("nothing", [None, 3, {}, SHAPE.vertices, [], object(), 1j])
 def test_what_is_no_mesh_is_refused(nothing):
     with pytest.raises(bf.InvalidMeshError, match=r"mesh: got .* expected a mesh of pyvista"):

@@ -1,6 +1,7 @@
 """A power of two changes no digit of a mesh, so none of what is found may change, at any size."""
 
 import dataclasses
+import re
 from functools import cache
 
 import numpy as np
@@ -8,7 +9,7 @@ import pymeshlab
 import pytest
 
 import bezier_filters as bf
-from bezier_filters.errors import InvalidMeshError
+from bezier_filters.errors import InvalidMeshError, InvalidParameterError
 from bezier_filters.scale.source import open_source
 from bezier_filters.scale.store import build_store
 from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, torus
@@ -84,6 +85,23 @@ def test_a_power_of_two_changes_no_digit(call, exponent):
     assert at_one.keys() == scaled.keys()
     for key, value in at_one.items():
         np.testing.assert_array_equal(scaled[key], value, err_msg=key)
+
+
+@pytest.mark.parametrize("exponent", [-100, 0, 100])
+@pytest.mark.parametrize("value", [True, "2%", [0.2], -0.25, np.nan])
+@pytest.mark.parametrize(
+    ("function", "name"),
+    [
+        *((bf.estimate_vertex_geometry, name) for name in ("radius", "noise", "detail")),
+        *((bf.smooth, name) for name in ("noise", "detail")),
+        *((bf.fill_holes, name) for name in ("max_perimeter", "max_diameter", "noise")),
+    ],
+)
+def test_what_is_no_length_is_refused_at_every_size(function, name, value, exponent):
+    """By name, and with the value that was given."""
+    vertices, faces = shape("torus")
+    with pytest.raises(InvalidParameterError, match=f"^{name}: got {re.escape(repr(value))}"):
+        function(vertices * 2.0**exponent, faces, **{name: value})
 
 
 def test_units_of_results_are_those_of_their_lengths():

@@ -16,7 +16,7 @@ from bezier_filters.meshlab.mesh_attributes import (
     write_columns,
     write_coordinates,
 )
-from bezier_filters.meshlab.mesh_colors import COLOR_MAP_NAMES, color_by_quality
+from bezier_filters.meshlab.mesh_colors import COLOR_MAP_NAMES, color_by_quality, save_quality_map
 from bezier_filters.meshlab.meshset import (
     BezierFilterError,
     preserve_filter_script,
@@ -333,7 +333,7 @@ class TestColors:
         color_by_quality(ms, -1.0, 1.0, "rgb")
         assert bits(ms.current_mesh().vertex_scalar_array()) == bits(AWKWARD)
 
-    @pytest.mark.parametrize("name", ["magma", "", None, 3])
+    @pytest.mark.parametrize("name", ["magma", "", None, 3, np.eye(3)])
     def test_an_unknown_map_lists_the_names(self, name):
         with pytest.raises(BezierFilterError, match=r"colormap: got .*Turbo.*Saw 8"):
             color_by_quality(cube(), 0.0, 1.0, name)
@@ -344,6 +344,18 @@ class TestColors:
     def test_an_empty_range_is_refused(self, low, high):
         with pytest.raises(BezierFilterError, match="colour range: got"):
             color_by_quality(cube(), low, high, "Turbo")
+
+    @pytest.mark.parametrize("wrong", [np.eye(3), "1", None, True])
+    def test_arguments_of_a_wrong_type_are_named(self, wrong, tmp_path):
+        with pytest.raises(InvalidParameterError, match=r"ms: got .*, expected a pymeshlab.MeshSet"):
+            color_by_quality(wrong, np.eye(3), 5)
+        for ends, name in (((wrong, 1.0), "low"), ((0.0, wrong), "high")):
+            with pytest.raises(InvalidParameterError, match=f"{name}: got .*, expected a number"):
+                color_by_quality(cube(), *ends)
+            with pytest.raises(InvalidParameterError, match=f"{name}: got .*, expected a number"):
+                save_quality_map(tmp_path / "a.qmap", *ends)
+        with pytest.raises(InvalidParameterError, match="path: got ndarray, expected a text or a path"):
+            save_quality_map(np.eye(3), np.eye(3), 5)
 
     def test_without_quality(self):
         ms = pymeshlab.MeshSet()

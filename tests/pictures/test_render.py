@@ -354,6 +354,11 @@ def test_long_texts_make_room_for_themselves(tmp_path: Path) -> None:
         ({"up": "w"}, "up is 'w', expected any of auto, x, y"),
         ({"columns": 0}, "columns is 0"),
         ({"size": (10, 10)}, "size is .10, 10., expected"),
+        ({"size": 600}, "size: got 600, expected a width and a height"),
+        ({"columns": 1.5}, "columns is 1.5"),
+        ({"views": "front"}, "views: got 'front', expected a list of names"),
+        ({"views": None}, "views: got None"),
+        ({"title": 5}, "title: got 5, expected a text"),
         ({"background": "no colour"}, "background is 'no colour', expected a colour"),
     ],
 )
@@ -363,6 +368,16 @@ def test_wrong_options_are_named_and_leave_the_old_picture(tmp_path: Path, optio
     with pytest.raises(InvalidParameterError, match=message):
         render_panels(path, [bunny_like()], **options)
     assert path.read_text() == "old"
+
+
+def test_arrays_for_a_path_or_panels_are_refused(tmp_path: Path) -> None:
+    vertices, faces = plane(3)
+    with pytest.raises(InvalidParameterError, match="path: got ndarray, expected a text or a path"):
+        render_panels(vertices, None)  # type: ignore[arg-type]
+    wrong: list[Any] = [None, bunny_like(), faces, [vertices, faces], "ab"]
+    for panels in wrong:
+        with pytest.raises(InvalidParameterError, match=r"panels: got .*, expected a list of Panel"):
+            render_panels(tmp_path / "a.png", panels)
 
 
 def test_an_unknown_colour_map_gets_suggestions(tmp_path: Path) -> None:

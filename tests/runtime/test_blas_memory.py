@@ -6,6 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from bezier_filters.meshlab.meshset import Mesh, MeshSet
+from bezier_filters.surfaces import sphere
+
 SAMPLES = Path(__file__).parents[2] / "sample_meshes"
 linux = pytest.mark.skipif(sys.platform != "linux", reason="only Linux limits the memory of a process")
 CODE = """
@@ -51,3 +54,24 @@ def test_filling_a_hole_in_little_memory_ends_with_one_line(limit, tmp_path):
     )
     assert result.returncode in (0, 2), result.stderr
     assert result.stderr.splitlines()[-1:] == [] or result.stderr.splitlines()[-1].startswith("bezier-filters: ")
+
+
+@linux
+@pytest.mark.parametrize("command", ["curvature", "smooth"])
+def test_a_lack_of_memory_for_threads_is_a_line(command, tmp_path):
+    """Stacks larger than any memory, where the limit of another system might leave too little for a small one."""
+    ball = sphere(resolution=40)  # more vertices than one thread takes
+    ms = MeshSet()
+    ms.add_mesh(Mesh(ball.vertices, ball.faces))
+    ms.save_current_mesh(str(tmp_path / "ball.ply"))
+    arguments = [command, str(tmp_path / "ball.ply"), str(tmp_path / "out.ply"), "--quiet", "--threads", "2"]
+    code = f"""
+import sys, threading
+from bezier_filters.cli.commands import _run
+sys.argv[1:] = {arguments!r}
+threading.stack_size(1 << 50)
+print(_run())
+"""
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8", timeout=120)
+    assert result.stdout == "there is not enough memory for this mesh; nothing was written\n", result.stderr
+    assert not (tmp_path / "out.ply").exists()

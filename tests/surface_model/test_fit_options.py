@@ -21,7 +21,11 @@ from bezier_filters.surfaces import sphere
         ({"noise": True}, "noise: got True"),
         ({"noise": 0.1, "rings": 2, "alpha": 0.8}, "noise: rings and alpha are given, so the noise has no effect"),
         ({"noise": 0.1, "radius": 0.5, "alpha": 0.8}, "noise: radius and alpha are given"),
-        ({"noise": 0.1, "smoothness": "paper"}, "noise: rings and alpha are given"),
+        ({"noise": 0.1, "smoothness": "paper"}, 'noise: smoothness="paper" determines rings and alpha, so'),
+        ({"noise": 0.1, "smoothness": "paper", "rings": 3}, 'noise: smoothness="paper" determines rings and alpha, so'),
+        ({"noise": 0.1, "smoothness": "paper", "rings": 3, "alpha": 0.5}, "noise: rings and alpha are given"),
+        ({"noise": 0.1, "smoothness": "paper", "radius": 0.5}, 'radius is given and smoothness="paper" determines'),
+        ({"detail": 0.1, "smoothness": "paper"}, 'detail: smoothness="paper" determines the size'),
     ],
 )
 def test_noise_and_detail_that_are_no_lengths_or_that_nothing_depends_on_are_refused(options, message):
