@@ -15,6 +15,10 @@ from bezier_filters.status import FitStatus
 
 ROBUST_FIT_RINGS = 3  # ring of the robust fit: narrow, and without a model that outliers could mislead
 OUTLIER_SIGMAS = 3.5  # local standard deviations of an outlier's residual; false positives hardly move
+# Least local standard deviation over the edges around. On exact planes distances are rounding, whose logarithms would
+# make the means depend on the order of summation. With a tenth or ten times as much, 388 or 345 vertices of a block
+# with impulses at 30 % move in place of 368 of 1,538.
+MIN_DEVIATION_PER_EDGE = 1e-6
 AVERAGING_PASSES = 2  # means over neighbours of the local standard deviation
 EDGE_RINGS = 3  # rings whose faces decide about a sharp edge without spikes
 # rings around a vertex that decide where it is moved
@@ -46,9 +50,9 @@ def move_outliers(mesh: KernelMesh, hidden_barriers: BoolArray | None = None) ->
     fit_with_fallbacks(own, every, _attempts(), geometry, robust=True)
     moves = geometry.displacements
     distances = np.linalg.norm(moves, axis=1)
-    is_far = distances > OUTLIER_SIGMAS / NORMAL_GEOMETRIC_MEAN * _geometric_means(
-        mesh, distances, geometry.rings_used > 0
-    )
+    least = MIN_DEVIATION_PER_EDGE * _mean_edges(mesh)
+    deviations = _geometric_means(mesh, np.maximum(distances, least), geometry.rings_used > 0)
+    is_far = distances > OUTLIER_SIGMAS / NORMAL_GEOMETRIC_MEAN * deviations
     is_far &= ~(mesh.barriers | _is_on_edge(mesh, moves))
     return replace_vertices(mesh, np.where(is_far[:, np.newaxis], mesh.vertices + moves, mesh.vertices))
 
@@ -72,6 +76,15 @@ def _is_on_edge(mesh: KernelMesh, moves: FloatArray) -> BoolArray:
     sums = np.column_stack([np.bincount(starts, way, n) for way in ways.T])
     counts = np.bincount(starts, minlength=n)
     result: BoolArray = (counts >= 2) & (np.linalg.norm(sums, axis=1) < MAX_DIRECTION_MEAN * counts)
+    return result
+
+
+def _mean_edges(mesh: KernelMesh) -> FloatArray:
+    """Mean length of the edges at every vertex, (n,); 0 without any."""
+    counts = np.diff(mesh.ring_ptr)
+    starts = np.repeat(np.arange(len(counts)), counts)
+    lengths = np.linalg.norm(mesh.vertices[mesh.ring_indices] - mesh.vertices[starts], axis=1)
+    result: FloatArray = np.bincount(starts, lengths, len(counts)) / np.maximum(counts, 1)
     return result
 
 
