@@ -6,10 +6,10 @@ import numpy as np
 
 from bezier_filters.fitting.mesh_neighbourhoods import mesh_neighbourhoods
 from bezier_filters.meshes.prepared_mesh import PreparedMesh
+from bezier_filters.noise.neighbourhoods import Neighbourhoods
 from bezier_filters.noise.noise_model import NoiseModel, rescale_noise
 from bezier_filters.surface_model.fit_options import FitOptions
 from bezier_filters.surface_model.learn import explain_unknown_surface, learn_without_outliers
-from bezier_filters.surface_model.neighbourhoods import Neighbourhoods
 
 # standard deviation of the noise over the mean edge, above which angles of flat edges look sharp: less noise turns a
 # face by 5 degrees at most

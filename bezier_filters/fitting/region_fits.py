@@ -15,6 +15,7 @@ from bezier_filters.fitting.surface_fit import SurfaceFit
 from bezier_filters.fitting.vertex_geometry import FitChoice, FitPart, VertexGeometry, arrays_of
 from bezier_filters.kernels.graph_geometry import bound_errors
 from bezier_filters.kernels.kernel_input import KernelMesh
+from bezier_filters.noise.neighbourhoods import Neighbourhoods
 from bezier_filters.runtime.parallel import Progress, run_kernel
 from bezier_filters.sampling.neighbourhood_samples import SampleMode
 from bezier_filters.status import FitStatus
@@ -34,7 +35,6 @@ from bezier_filters.surface_model.model_tree import (
     log_error_reduction,
     map_leaves,
 )
-from bezier_filters.surface_model.neighbourhoods import Neighbourhoods
 
 # A small region that the first fit does not follow hardly shows in the sample. Among more vertices, the probes, those
 # whose residual is at least this ratio times the standard deviation of the noise get their own model.

@@ -10,6 +10,7 @@ import numpy as np
 
 from bezier_filters.fitting.fallbacks import FitAttempt, fallback_chain, spec_chain
 from bezier_filters.fitting.vertex_geometry import FitChoice
+from bezier_filters.noise.neighbourhoods import Neighbourhoods
 from bezier_filters.noise.noise_model import NoiseModel
 from bezier_filters.patches.patch_fit import DEGREES, PatchFit
 from bezier_filters.sampling.ring_analysis import MIN_SAMPLES
@@ -21,7 +22,6 @@ from bezier_filters.surface_model.learn import (
     learn_without_outliers,
 )
 from bezier_filters.surface_model.model_tree import Leaf, Tree
-from bezier_filters.surface_model.neighbourhoods import Neighbourhoods
 
 RADIUS_SAMPLES = 150  # neighbourhoods whose radius is measured
 DENSE_OUTLIER_SHARE = 0.1  # share of outliers from which on they flip normals everywhere, as heavy noise does

@@ -10,6 +10,7 @@ from functools import cache
 import numpy as np
 
 from bezier_filters.arrays import IntArray
+from bezier_filters.noise.neighbourhoods import Neighbourhoods
 from bezier_filters.noise.noise_spectrum import learn_noise_covariance
 from bezier_filters.noise.outliers import OUTLIER_RINGS, outlier_share
 from bezier_filters.sampling.neighbourhood_samples import (
@@ -22,7 +23,6 @@ from bezier_filters.sampling.sample_check import MIN_USABLE_SHARE, explain_unusa
 from bezier_filters.surface_model.fit_options import FitOptions
 from bezier_filters.surface_model.model import RingModel, estimate_white_noise
 from bezier_filters.surface_model.model_tree import Leaf, fit_leaf
-from bezier_filters.surface_model.neighbourhoods import Neighbourhoods
 
 CANDIDATE_RINGS = (1, 2, 3, 4, 5, 6, 8, 10)
 FIRST_STAGE_MAX_RINGS = 5  # most meshes need no wider rings, and many neighbourhoods of these are cheap

@@ -1,4 +1,4 @@
-"""Where the neighbourhoods of a surface come from: a mesh in memory, or a store of tiles."""
+"""Where the neighbourhoods of a surface come from, and the noise of its coordinates: a mesh in memory, or a store."""
 
 from typing import Protocol
 
