@@ -64,6 +64,30 @@ def torus_mask(major=18.0, minor=6.0):
     return vertices, faces, 0.5 * (1.0 / minor + cosine / (major + minor * cosine)), height
 
 
+def ellipsoid_mask(*radii):
+    """The boundary of the mask of an ellipsoid about the origin, its mean curvature nearby, and heights over it."""
+    a = np.array(radii, dtype=np.float64)
+
+    def gradient(points):
+        return 2.0 * points / a**2
+
+    def height(points):
+        """To first order."""
+        return (np.square(points / a).sum(axis=-1) - 1.0) / np.linalg.norm(gradient(points), axis=-1)
+
+    half_widths = [int(np.ceil(radius)) + 3 for radius in radii]
+    vertices, faces = mask_boundary(lambda x: np.square(x / a).sum(axis=-1) <= 1.0, half_widths)
+    on_surface = vertices
+    for _ in range(20):
+        slope = gradient(on_surface)
+        slope /= np.linalg.norm(slope, axis=1)[:, np.newaxis]
+        on_surface = on_surface - height(on_surface)[:, np.newaxis] * slope
+    # of x^2/a^2 + y^2/b^2 + z^2/c^2 = 1, see Gray, "Modern Differential Geometry of Curves and Surfaces", 1997
+    weight = np.square(on_surface / a**2).sum(axis=1)
+    mean = (np.square(a).sum() - np.square(on_surface).sum(axis=1)) / (2.0 * a.prod() ** 2 * weight**1.5)
+    return vertices, faces, mean, height
+
+
 def cases():
     """Names, vertices, faces, mean curvature, heights of points over the surface, and vertices that count."""
     for radius, spacing in ((10, 1.0), (20, 1.0), (30, 1.0), (20, 5.0)):
@@ -80,6 +104,10 @@ def cases():
         )
     vertices, faces, mean, height = torus_mask()
     yield "torus of radii 18 and 6", vertices, faces, mean, height, np.ones(len(vertices), dtype=bool)
+    for radii in ((24, 18, 12), (40, 30, 20)):
+        vertices, faces, mean, height = ellipsoid_mask(*radii)
+        name = "ellipsoid of radii " + "{}, {} and {}".format(*radii)
+        yield name, vertices, faces, mean, height, np.ones(len(vertices), dtype=bool)
     for step in (0.8, 1.0):
         vertices, faces, mean, inner = terrain(step)
         yield f"terrain in steps of {step}", vertices, faces, mean, terrain_height, inner
