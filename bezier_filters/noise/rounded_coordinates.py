@@ -19,48 +19,52 @@ from bezier_filters.meshes.half_edges import mesh_edges
 from bezier_filters.meshes.prepared_mesh import PreparedMesh
 from bezier_filters.noise.noise_model import NO_NOISE, NoiseModel
 
+# The tested meshes are 18 masks and terrains, and 11 bodies of bricks and real meshes. Where nothing else is said, half
+# and twice a constant decide alike for all of them.
+
 MAX_STEP_SAMPLE = 20_000  # vertices of which the steps are found: a larger sample sees shorter steps
 # largest share of distinct values among the coordinates of an axis: steps of a twentieth of an edge and more have fewer
 MAX_DISTINCT_SHARE = 0.7
-STEP_TOLERANCE = 1e-5  # of a step: coordinates of single precision are multiples of it up to this
-MIN_DISTINCT_PAIRS = 0.99  # share of vertices with a pair of coordinates of their own from which on it is a grid
+SINGLE_ERROR = 4.0 * float(np.finfo(np.float32).eps)  # bound of the rounding of differences in single precision
+STEP_TOLERANCE = 1e-5  # of a multiple: error of the step itself, which is a difference of two coordinates
+# Share of vertices with a pair of coordinates of their own from which on it is a grid, and of vertices with one
+# coordinate half-way from which on it is a mask. With 0.5 some masks count as grids.
+MIN_DISTINCT_PAIRS = 0.99
 # Noise by rounding over the mean edge from which on the stairs look like sharp edges: below it a step turns the normal
-# of a face by less than about 20 degrees. With 0.05 or 0.2 the same of the tested terrains, balls and tori are stairs.
+# of a face by less than about 20 degrees. With 0.2 a terrain in steps of 0.8 cells is no longer stairs.
 MIN_STAIR_NOISE = 0.1
 # Nugget and range, mean edges, of the errors of masks, as learned where residuals show them (a ball of radius 10, a
 # torus of 6): with a range of 1 or a nugget of 0.3, balls of radius 20 and 30 get the same curvature
 MASK_NUGGET, MASK_RANGE = 0.1, 0.75
 # Share of vertices on sharp edges that have convex and concave edges above this angle around: 0.76 to 1 on masks and
-# terrains in whole metres, 0 to 0.05 on bodies made of bricks, at most 0.4 on CAD parts and clean scans
+# terrains in whole metres, 0 to 0.05 on bodies made of bricks, at most 0.4 on CAD parts and clean scans. With 0.8 two
+# masks are not stairs; with 60 degrees most are not, as the edges of treads turn by 45.
 MIN_RISER_SHARE, MIN_RISER_ANGLE = 0.6, radians(30.0)
 
 
-def coordinate_steps(vertices: FloatArray) -> FloatArray:
-    """Steps of which the coordinates of each axis are multiples, up to an offset, (3,); 0 where there is none.
+def rounding_noise(mesh: PreparedMesh) -> NoiseModel:
+    """Noise along the normal of coordinates whose steps have left stairs; of variance 0 if there are none.
 
-    >>> heights = np.random.default_rng(0).normal(size=(1000, 3))
-    >>> coordinate_steps(np.round(heights / [1.0, 0.5, 1e-9]) * [1.0, 0.5, 1e-9])
-    array([1. , 0.5, 0. ])
+    >>> from bezier_filters.meshes.mesh import triangle_mesh
+    >>> from bezier_filters.meshes.prepared_mesh import prepare_mesh
+    >>> from bezier_filters.surfaces import block_with_sharp_edges, waves
+    >>> hills = waves(resolution=60, amplitude=0.3)
+    >>> heights = np.round(hills.vertices * [1.0, 1.0, 30.0]) / [1.0, 1.0, 30.0]
+    >>> terrain = np.column_stack([hills.vertices[:, :2], heights[:, 2]])
+    >>> bricks = block_with_sharp_edges(resolution=16)
+    >>> noise = [rounding_noise(prepare_mesh(triangle_mesh(*one))) for one in ((terrain, hills.faces), bricks)]
+    >>> bool(0.4 < np.sqrt(12.0) * noise[0].sigma * 30.0 < 1.0), noise[1].sigma
+    (True, 0.0)
     """
-    stride = max(len(vertices) // MAX_STEP_SAMPLE, 1)
-    sample = vertices[::stride]
-    return np.array([_step(sample[:, axis]) for axis in range(3)])
-
-
-def _step(values: FloatArray) -> float:
-    """The step of one axis: the smallest difference, if all differences are multiples of it."""
-    distinct = np.unique(values)
-    scale = max(abs(float(distinct[0])), abs(float(distinct[-1]))) if len(distinct) else 0.0
-    if not 2 < len(distinct) <= MAX_DISTINCT_SHARE * len(values):
-        return 0.0
-    differences = np.diff(distinct)
-    differences = differences[differences > 4.0 * np.finfo(np.float32).eps * scale]
-    if len(differences) < 2:
-        return 0.0
-    step = float(differences.min())
-    multiples = differences / step
-    is_multiple = np.abs(multiples - np.round(multiples)) <= STEP_TOLERANCE * multiples + 4e-7 * scale / step
-    return step if is_multiple.all() else 0.0
+    steps = coordinate_steps(mesh.vertices)
+    if not (steps > 0.0).any() or not mesh.face_count:
+        return NO_NOISE
+    is_mask, variance = _variance(mesh, steps)
+    if variance <= (MIN_STAIR_NOISE * mesh.mean_edge) ** 2 or not _has_risers(mesh):
+        return NO_NOISE
+    if not is_mask:
+        return NoiseModel(variance)
+    return NoiseModel(MASK_NUGGET * variance, ((1.0 - MASK_NUGGET) * variance,), (MASK_RANGE * mesh.mean_edge,))
 
 
 def describe_rounding(mesh: PreparedMesh) -> str:
@@ -86,6 +90,40 @@ def describe_rounding(mesh: PreparedMesh) -> str:
             f"{axis} is rounded to multiples of {step:.4g}" for axis, step in zip("xyz", rounded, strict=True) if step
         )
     return f"stairs: {source}; this counts as noise, and the edges of the stairs are not sharp edges"
+
+
+def may_be_rounded(vertices: FloatArray) -> bool:
+    """Whether the coordinates of an axis are multiples of a step: a fast test."""
+    return bool((coordinate_steps(vertices) > 0.0).any())
+
+
+def coordinate_steps(vertices: FloatArray) -> FloatArray:
+    """Steps of which the coordinates of each axis are multiples, up to an offset, (3,); 0 where there is none.
+
+    >>> heights = np.random.default_rng(0).normal(size=(1000, 3))
+    >>> coordinate_steps(np.round(heights / [1.0, 0.5, 1e-9]) * [1.0, 0.5, 1e-9])
+    array([1. , 0.5, 0. ])
+    """
+    stride = max(len(vertices) // MAX_STEP_SAMPLE, 1)
+    sample = vertices[::stride]
+    return np.array([_step(sample[:, axis]) for axis in range(3)])
+
+
+def _step(values: FloatArray) -> float:
+    """The step of one axis: the smallest difference, if all differences are multiples of it."""
+    distinct = np.unique(values)
+    scale = max(abs(float(distinct[0])), abs(float(distinct[-1]))) if len(distinct) else 0.0
+    if not 2 < len(distinct) <= MAX_DISTINCT_SHARE * len(values):
+        return 0.0
+    differences = np.diff(distinct)
+    differences = differences[differences > SINGLE_ERROR * scale]
+    if len(differences) < 2:
+        return 0.0
+    step = float(differences.min())
+    multiples = differences / step
+    tolerance = STEP_TOLERANCE * multiples + SINGLE_ERROR * scale / step
+    is_multiple = np.abs(multiples - np.round(multiples)) <= tolerance
+    return step if is_multiple.all() else 0.0
 
 
 def _variance(mesh: PreparedMesh, steps: FloatArray) -> tuple[bool, float]:
@@ -122,36 +160,6 @@ def _half_way(points: FloatArray, steps: FloatArray) -> BoolArray:
     """Which coordinates (k, 3) lie half-way between those of most vertices, as one of every vertex of a mask does."""
     is_odd = np.round((points - points.min(axis=0)) / steps).astype(np.int64) % 2 == 1
     return np.asarray(is_odd != (is_odd.mean(axis=0) > 0.5))
-
-
-def may_be_rounded(vertices: FloatArray) -> bool:
-    """Whether the coordinates of an axis are multiples of a step: a fast test."""
-    return bool((coordinate_steps(vertices) > 0.0).any())
-
-
-def rounding_noise(mesh: PreparedMesh) -> NoiseModel:
-    """Noise along the normal of coordinates whose steps have left stairs; of variance 0 if there are none.
-
-    >>> from bezier_filters.meshes.mesh import triangle_mesh
-    >>> from bezier_filters.meshes.prepared_mesh import prepare_mesh
-    >>> from bezier_filters.surfaces import block_with_sharp_edges, waves
-    >>> hills = waves(resolution=60, amplitude=0.3)
-    >>> heights = np.round(hills.vertices * [1.0, 1.0, 30.0]) / [1.0, 1.0, 30.0]
-    >>> terrain = np.column_stack([hills.vertices[:, :2], heights[:, 2]])
-    >>> bricks = block_with_sharp_edges(resolution=16)
-    >>> noise = [rounding_noise(prepare_mesh(triangle_mesh(*one))) for one in ((terrain, hills.faces), bricks)]
-    >>> bool(0.4 < np.sqrt(12.0) * noise[0].sigma * 30.0 < 1.0), noise[1].sigma
-    (True, 0.0)
-    """
-    steps = coordinate_steps(mesh.vertices)
-    if not (steps > 0.0).any() or not mesh.face_count:
-        return NO_NOISE
-    is_mask, variance = _variance(mesh, steps)
-    if variance <= (MIN_STAIR_NOISE * mesh.mean_edge) ** 2 or not _has_risers(mesh):
-        return NO_NOISE
-    if not is_mask:
-        return NoiseModel(variance)
-    return NoiseModel(MASK_NUGGET * variance, ((1.0 - MASK_NUGGET) * variance,), (MASK_RANGE * mesh.mean_edge,))
 
 
 def _has_risers(mesh: PreparedMesh) -> bool:
