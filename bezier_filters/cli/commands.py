@@ -41,7 +41,7 @@ from bezier_filters.runtime.supervision import EXIT_INCOMPLETE
 
 if TYPE_CHECKING:
     from bezier_filters.arrays import Report
-    from bezier_filters.meshes.mesh import TriangleMesh
+    from bezier_filters.meshes.prepared_mesh import PreparedMesh
     from bezier_filters.meshlab.meshset import CurrentMesh
 
 __all__ = ["app", "batch", "filters", "pictures", "scale", "serve_command_line"]
@@ -192,7 +192,7 @@ def _inspect(source: Path, stage: console.Stage, *, skip: bool) -> tuple["Curren
     loaded = read_current_mesh(ms)
     mesh = triangle_mesh(loaded.vertices, loaded.faces)
     topology = topology_of(mesh.vertices, mesh.faces).counts
-    faults = inspect_mesh(mesh)
+    faults, prepared = inspect_mesh(mesh), prepare_mesh(mesh)
     stage("learning the noise")
     return loaded, {
         "vertices": mesh.vertex_count,
@@ -200,26 +200,24 @@ def _inspect(source: Path, stage: console.Stage, *, skip: bool) -> tuple["Curren
         **topology,
         **asdict(faults),
         "bounding_box": [mesh.vertices.min(axis=0).tolist(), mesh.vertices.max(axis=0).tolist()],
-        "noise": _noise_of(mesh) if mesh.face_count else None,
+        "noise": _noise_of(prepared) if mesh.face_count else None,
         "fit_for_fitting": is_fit(mesh, faults),
-        "findings": [*diagnose(mesh, faults), *filter(None, [describe_rounding(prepare_mesh(mesh))])],
+        "findings": [*diagnose(mesh, faults), *filter(None, [describe_rounding(prepared)])],
         "can_be_repaired": can_be_repaired(faults),
         "contents": contents_of(ms),
     }
 
 
-def _noise_of(mesh: "TriangleMesh") -> "Report":
+def _noise_of(mesh: "PreparedMesh") -> "Report":
     """Noise of a mesh, learned as for fitting and smoothing, as arguments of `noise_in_words`."""
     from bezier_filters.fitting.first_call import first_call
     from bezier_filters.fitting.noise_level import explain_unknown_noise, learn_mesh_noise
-    from bezier_filters.meshes.prepared_mesh import prepare_mesh
     from bezier_filters.runtime.parallel import use_threads
 
-    prepared = prepare_mesh(mesh)
     with use_threads(), first_call():
-        found = learn_mesh_noise(prepared)
+        found = learn_mesh_noise(mesh)
         if found is None:
-            reason = explain_unknown_noise(prepared)
+            reason = explain_unknown_noise(mesh)
             return {"sigma": None, "length": None, "heavy": False, "reason": reason}
     return {"sigma": found.sigma, "length": found.length, "heavy": found.heavy, "reason": ""}
 
