@@ -130,7 +130,7 @@ def command_line(arguments: list[str], said: Path) -> int:
 
 
 def check(arguments: list[str], status: int, said: str, target: Path, old: bytes | None) -> None:
-    """Raise AssertionError unless the end was one of those that are promised."""
+    """Raise AssertionError unless the end was one of the promised ones."""
     import numpy as np
 
     from bezier_filters import read_fields

@@ -40,7 +40,7 @@ def test_the_fit_of_a_narrow_part_does_not_depend_on_what_is_selected():
 
 @pytest.mark.parametrize("levels", [(0.02, 0.2), (0.05, 0.5)])
 def test_ten_times_the_noise_at_a_few_vertices_is_smoothed_there_and_the_rest_is_as_without_it(levels):
-    """Among what the fit of all does not follow, curved places are told from the noisy ones."""
+    """Among what the fit of all does not follow, curved places are distinguished from noisy ones."""
     surface = ellipsoid(resolution=30, jitter=0.3)
     is_noisy = surface.vertices[:, 0] < np.quantile(surface.vertices[:, 0], 0.03)
     generator, edge = np.random.default_rng(3), mean_edge_of(surface.vertices, surface.faces)

@@ -46,7 +46,7 @@ def all_vertices_in_one_place():
 
 
 def speck_and_a_far_vertex():
-    """Neighbourhoods so small beside the mesh that powers of their size cannot be told from 0."""
+    """Neighbourhoods so small beside the mesh that powers of their size cannot be distinguished from 0."""
     vertices, faces = ball()
     vertices = 1e-27 * vertices
     vertices[0] = 2000.0, 1000.0, 500.0

@@ -82,7 +82,7 @@ def check_estimate(vertices, faces, mode):
 def meshes_fitted(mesh, geometry, mode):
     """The meshes that the fits may be of: where an outlier comes back, faces are lower and hold more.
 
-    Outliers are told from what was learned, which gives a noise; nothing is where it was given how to fit.
+    A share of outliers is learned only with a noise; neither is learned where the fit is given.
     """
     if geometry.fit.noise_sigma is None:
         return [mesh]

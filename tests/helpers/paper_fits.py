@@ -1,6 +1,6 @@
 """The paper's method with its fallbacks, vertex by vertex: dense least squares, no code of the package.
 
-Neighbourhoods, planes and the order of the fallbacks are those that `estimate_vertex_geometry` documents for
+Neighbourhoods, planes and the order of the fallbacks are as `estimate_vertex_geometry` documents for
 ``fallbacks="paper"``; S is whatever rows are given.
 """
 

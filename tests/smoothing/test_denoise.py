@@ -45,7 +45,7 @@ def test_parts_with_rings_around_are_smoothed_as_the_whole(make):
 
 
 def test_noise_of_many_lengths_goes_once_its_strength_is_known():
-    """Of which less than a third can be told from shape: the rest is longer."""
+    """Of which less than a third can be distinguished from shape: the rest is longer."""
     ball, parts = sphere(resolution=40, jitter=0.2), {0: 0.05, 2: 0.1, 7: 0.15, 27: 0.3, 110: 0.5}  # by passes
     noise = sum(
         strength * averaged_noise(ball.faces, len(ball.vertices), passes, seed=passes)

@@ -352,15 +352,14 @@ def test_terms_are_no_larger_than_lower_ones_suggest_unless_that_is_sure(seed):
 
 
 def test_variances_of_terms_scatter_by_their_standard_errors():
-    """Of noise alone, over many samples: terms of the highest degree, which one fit only tells."""
+    """Of noise alone, over many samples: terms of the highest degree, which only one fit estimates."""
     scores, basis = [], harmonic_basis()
     for seed in range(150):
         points = draw(40, 25, np.zeros(len(basis.degrees)), 0.5, seed=seed).points
         analysis = analyse_ring(as_sample(points), 3, len(points))
         noise = np.full(analysis.sums.term_squares.shape[1:], 0.25)
         values, errors = _term_variances(analysis, replace(ring_noise(NoiseModel(0.25), analysis), coefficients=noise))
-        scores.append(
-            (values / errors)[basis.degrees == analysis.degree][::2]
-        )  # both terms of a frequency are told alike
+        # both terms of a frequency have the same value
+        scores.append((values / errors)[basis.degrees == analysis.degree][::2])
     assert np.mean(scores) == pytest.approx(0.0, abs=0.15)
     assert np.std(scores) == pytest.approx(1.0, abs=0.1)
