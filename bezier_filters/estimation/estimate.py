@@ -39,7 +39,7 @@ from bezier_filters.patches.smoothness import Smoothness
 from bezier_filters.runtime.parallel import Progress, runs_on_threads
 from bezier_filters.sampling.neighbourhood_samples import draw_from_mesh
 from bezier_filters.status import FitStatus
-from bezier_filters.surface_model.fit_options import Automatic, Fallbacks, FitOptions, FoldTest
+from bezier_filters.surface_model.fit_options import NEEDS_ALPHA, Automatic, Fallbacks, FitOptions, FoldTest
 from bezier_filters.surface_model.model_tree import Leaf
 
 # Fractions of the probes with large residuals, see `MIN_MISFIT_RATIO`, and with failed fits, above which the mesh is
@@ -190,9 +190,7 @@ def estimate_vertex_geometry(
     options = FitOptions(rings, alpha, degree, smoothness, robust, noise, detail, radius, fallbacks, fold_test)
     options.check()
     if not options.is_fixed and x_axis is not None:
-        raise InvalidParameterError(
-            "fallbacks, fold_test and x_axis are for fits with a number for alpha; give alpha, or none of them"
-        )
+        raise InvalidParameterError(NEEDS_ALPHA)
     if fold_test != "angle" and not mesh.face_count:
         raise InvalidParameterError(f"fold_test: got {fold_test!r}; that is for rings of meshes with faces")
     axes = None if x_axis is None else _directions(x_axis, mesh, "x_axis")

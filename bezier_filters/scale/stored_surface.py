@@ -47,7 +47,7 @@ FINISH_RINGS = 8
 
 @dataclass
 class SmoothingRun:
-    """What the rounds of smoothing a mesh in a store have in common."""
+    """State that the rounds of smoothing a mesh in a store share."""
 
     run: Run
     results: Path  # folder of the results
@@ -194,15 +194,15 @@ def smooth_tile(
     plan: SmoothingPlan | None,
     reach: int,
     fixed: bool,
-    is_cleaned: bool,
+    unfold: bool,
     stored: StoredComponents | None,
     tile: int,
 ) -> tuple[Values, TileReport]:
     """Smoothed vertices of a tile after a round, and weights of sharp estimates.
 
     `first` and `current` are the mesh before all rounds and before this one, the latter possibly without outliers.
-    There is no plan without significant noise. `reach` is the width of the halo in rings. Fixed borders stay. The
-    volumes of closed components are reported if `stored` is given.
+    There is no plan without significant noise. `reach` is the width of the halo in rings. Fixed borders stay. `unfold`
+    removes folds that outliers have left. The volumes of closed components are reported if `stored` is given.
     """
     part = tile_part(current, tile, reach)
     mesh, own = prepare_mesh(part.mesh), part.own
@@ -210,7 +210,7 @@ def smooth_tile(
     if plan is not None:
         points, sharpness = _denoise_part(current, part, plan)
     movable = movable_vertices(mesh, fixed)
-    if is_cleaned:
+    if unfold:
         points = unfold_surface(mesh, points)
     if fixed:
         points = np.where(movable[:, np.newaxis], points, first.coordinates_of(part.ids))

@@ -15,6 +15,7 @@ Automatic = Literal["auto"]
 Fallbacks = Literal["sound", "paper"]
 FoldTest = Literal["angle", "crossings"]
 CANDIDATE_DEGREES = (2, 3, 4, 5, 6)
+NEEDS_ALPHA = "fallbacks, fold_test and x_axis are for fits with a number for alpha; give alpha, or none of them"
 
 
 @dataclass(frozen=True)
@@ -88,9 +89,7 @@ class FitOptions:
         if self.fold_test not in get_args(FoldTest):
             raise InvalidParameterError(f"fold_test: got {self.fold_test!r}, expected one of {get_args(FoldTest)}")
         if fixed is None and (self.fallbacks != "sound" or self.fold_test != "angle"):
-            raise InvalidParameterError(
-                "fallbacks, fold_test and x_axis are for fits with a number for alpha; give alpha, or none of them"
-            )
+            raise InvalidParameterError(NEEDS_ALPHA)
         if self.fold_test != "angle" and self.radius is not None:
             raise InvalidParameterError(f"fold_test: got {self.fold_test!r}; that is for rings of meshes with faces")
         if self.fallbacks != "sound" and self.radius is not None:
