@@ -65,14 +65,17 @@ class NoiseModel:
         array([[[3.   , 0.736],
                 [0.736, 3.   ]]])
         """
-        squares = pairwise_squared_distances(points)
+        return self.covariances_of(pairwise_squared_distances(points), steepness)
+
+    def covariances_of(self, squares: FloatArray, steepness: FloatArray) -> FloatArray:
+        """The same for the squared distances of the points, (T, n, n)."""
         result = np.zeros(squares.shape)
         for sill, length in zip(self.sills, self.lengths, strict=True):  # in place: new arrays take longer than sums
             correlations = -0.5 / length**2 * squares
             np.exp(correlations, out=correlations)
             correlations *= sill
             result += correlations
-        places = np.arange(points.shape[1])
+        places = np.arange(squares.shape[1])
         result[:, places, places] += self.white
         result *= steepness[:, :, np.newaxis] * steepness[:, np.newaxis]
         return result

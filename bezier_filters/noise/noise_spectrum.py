@@ -27,11 +27,12 @@ MIN_INDEPENDENT_PLACES = 16.0  # effective number of independent neighbourhoods 
 # Halved, noise of eight averages counts as detail (H 1.5 times worse); doubled, this detail counts as noise (normals
 # 1.4 to 3.9 times worse).
 HOMOGENEOUS_VARIANCE_RATIO = 1.8
-# squared range, in squared edges, up to which correlated noise needs no white component
-SHORT_SQUARED_LENGTH = 1.0
-# Smallest ratio of the white to the correlated variance for longer ranges: every measurement has some white noise, so a
-# component without it is shape. Three means over neighbours leave a ratio of 6e-4, eight of 2e-4, as detail of models.
-MIN_WHITE_SHARE = 4e-4
+# Least nugget over the variance: every measurement has some white noise, of which averages on regular meshes show none.
+# Half and twice it change the level of such noise by 5 %.
+MIN_NUGGET = 0.005
+# Fraction of the deviance that noise must explain if its nugget is smaller, as shape may look like it then: 98 % and
+# more for averages on regular meshes, 90 % and less on clean surfaces.
+MIN_EXPLAINED_DEVIANCE = 0.95
 MIN_ROUGHNESS_DEGREE = 4  # lowest degree of the terms that measure roughness
 SPECTRUM_RINGS = (2, 3, 4, 5)  # narrower rings have too few points; wider ones take too long
 EXPECTATION_ERROR = 0.05  # relative model error of the expected mean squares, added to their sampling error
@@ -40,10 +41,6 @@ MIN_DEVIANCE_DROP = 40.0  # drop of the deviance by a component of the noise; ch
 # Fraction of the drop that a longer range may miss. The longest of about equal ranges is used, which explains more by
 # noise and less by shape; otherwise chance would decide between them.
 DEVIANCE_SLACK = 0.01
-MAX_DEVIANCE = 4.0  # deviance per observation of an acceptable fit
-# The same if at least this fraction of the noise is white, as it is not for shape, and if the correlated components
-# explain at least this fraction of the deviance
-MAX_DEVIANCE_WITH_WHITE, LARGE_WHITE_SHARE, MIN_EXPLAINED_DEVIANCE = 6.0, 0.1, 0.8
 REWEIGHTING_STEPS = 12  # iterations of variances and weights
 LOWEST_RANDOM_DEGREE = FREE_DEGREE + 1
 
@@ -84,8 +81,8 @@ class Contributions:
 
 
 @np.errstate(all="ignore")
-def learn_noise_covariance(analyses: Sequence[RingAnalysis]) -> NoiseModel | None:
-    """Estimate the covariance of the noise; None if it is white, or if noise and shape do not explain the data.
+def propose_noise_models(analyses: Sequence[RingAnalysis]) -> tuple[NoiseModel, NoiseModel] | None:
+    """Models of correlated noise, of most places, and less what of it may be detail; None if it is white.
 
     Flat neighbourhoods decide whether there is correlated noise. Selected for small values, they underestimate its
     variance a little. So the variance is that of the majority of the neighbourhoods, as long as it is not much larger
@@ -94,7 +91,7 @@ def learn_noise_covariance(analyses: Sequence[RingAnalysis]) -> NoiseModel | Non
     variance is noise: it is multiplied by (1 + (r / r0)^6)^(-1/3) with r0 = `HOMOGENEOUS_VARIANCE_RATIO`. If the noise
     itself varies over the mesh, so does its white component, and r is divided by the ratio of the white variances.
 
-    >>> learn_noise_covariance([]) is None
+    >>> propose_noise_models([]) is None
     True
     """
     used = [one for one in analyses if one.rings in SPECTRUM_RINGS and one.degree >= LOWEST_RANDOM_DEGREE]
@@ -110,19 +107,14 @@ def learn_noise_covariance(analyses: Sequence[RingAnalysis]) -> NoiseModel | Non
         FLATTEST_FRACTION,
         min(MIN_INDEPENDENT_PLACES / (widest.independent_fraction * len(widest.centers)), FLAT_FRACTION),
     )
-    # so few neighbourhoods may not show short-range noise, but it cannot be shape
-    is_short = max(flat.lengths) <= SHORT_SQUARED_LENGTH**0.5 * edge
-    of_flattest = _fit_noise_model(used, causes, _flattest_centers(widest, rough, share), half=True, known=True)
-    flattest = of_flattest or (flat if is_short else None)
-    if flattest is None:
-        return None
+    flattest = _fit_noise_model(used, causes, _flattest_centers(widest, rough, share), half=True) or flat
     residual_squares = widest.sums.residuals[:, -1] / np.maximum(widest.sums.freedom[:, -1], 1.0)
     calm = _flattest_centers(widest, residual_squares, MAJORITY_FRACTION)
     majority = _fit_noise_model(used, causes, calm, half=False) or flat
     white_ratio = max(majority.white / flattest.white, 1.0) if flattest.white > 0.0 else 1.0
     ratio = sum(majority.sills) / sum(flattest.sills) / white_ratio
     trusted_share = (1.0 + (ratio / HOMOGENEOUS_VARIANCE_RATIO) ** 6) ** (-1.0 / 3.0)
-    return replace(majority, sills=tuple(float(trusted_share * sill) for sill in majority.sills))
+    return majority, replace(majority, sills=tuple(float(trusted_share * sill) for sill in majority.sills))
 
 
 def _fit_noise_model(
@@ -131,12 +123,10 @@ def _fit_noise_model(
     centers: IntArray,
     *,
     half: bool,
-    known: bool = False,
 ) -> NoiseModel | None:
-    """Fit the noise of the neighbourhoods of some centers; None if it is white or not acceptable.
+    """Fit the noise of the neighbourhoods of some centers; None if it is white, or does not explain them.
 
-    `half` uses only the scores that did not select the centers. If the noise is `known` not to be shape, the tests for
-    shape are skipped.
+    `half` uses only the scores that did not select the centers.
     """
     places = [one.subset(np.isin(one.centers, centers)) for one in analyses]
     entries = [_spectrum_rows(one, of, half) for one, of in zip(places, causes, strict=True) if one is not None]
@@ -158,15 +148,13 @@ def _fit_noise_model(
         best = max(k for k, one in tried.items() if one[1] - least <= DEVIANCE_SLACK * (deviance - least))
         variances, deviance = tried[best]
         chosen.append(best)
-    white, sills = float(variances[0]) * edge**2, variances[1 : 1 + len(chosen)] * edge**2
-    long = np.array([SQUARED_LENGTHS[k] > SHORT_SQUARED_LENGTH for k in chosen], dtype=np.bool_)
-    is_certain = white >= LARGE_WHITE_SHARE * sills[long].sum() and deviance <= (1.0 - MIN_EXPLAINED_DEVIANCE) * without
-    worst = (MAX_DEVIANCE_WITH_WHITE if is_certain else MAX_DEVIANCE) * len(spectrum.observed)
-    is_shape = white < MIN_WHITE_SHARE * sills[long].sum() or deviance > worst
-    if not sills.any() or (is_shape and not known):
+    white, sills = float(variances[0]), variances[1 : 1 + len(chosen)]
+    least = MIN_NUGGET * float(sills.sum())
+    if not sills.any() or (white < least and deviance > (1.0 - MIN_EXPLAINED_DEVIANCE) * without):
         return None
-    parts = [(float(sill), SQUARED_LENGTHS[k] ** 0.5 * edge) for k, sill in zip(chosen, sills, strict=True) if sill]
-    return NoiseModel(white, tuple(sill for sill, _ in parts), tuple(length for _, length in parts))
+    parts = [(float(sill), SQUARED_LENGTHS[k] ** 0.5) for k, sill in zip(chosen, sills, strict=True) if sill]
+    model = NoiseModel(max(white, least), tuple(sill for sill, _ in parts), tuple(edge * length for _, length in parts))
+    return model.scale_variance(edge**2)
 
 
 def _roughness(analysis: RingAnalysis) -> FloatArray:

@@ -11,7 +11,7 @@ import numpy as np
 
 from bezier_filters.arrays import IntArray
 from bezier_filters.noise.neighbourhoods import Neighbourhoods
-from bezier_filters.noise.noise_spectrum import learn_noise_covariance
+from bezier_filters.noise.noise_evidence import learn_noise_covariance
 from bezier_filters.noise.outliers import OUTLIER_RINGS, outlier_share
 from bezier_filters.sampling.neighbourhood_samples import (
     NORMAL_CHECK_RINGS,

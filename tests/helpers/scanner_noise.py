@@ -8,7 +8,7 @@ from scipy.sparse import coo_matrix
 
 from bezier_filters.kernels.kernel_input import prepare_kernel_mesh
 from bezier_filters.meshes.mesh import triangle_mesh
-from bezier_filters.noise.noise_spectrum import learn_noise_covariance
+from bezier_filters.noise.noise_evidence import learn_noise_covariance
 from bezier_filters.sampling.neighbourhood_samples import draw_from_mesh, sample_by_mode
 from bezier_filters.sampling.ring_analysis import analyse_rings
 from bezier_filters.surface_model.learn import FIRST_STAGE_MAX_RINGS, SAMPLES_PER_RING
