@@ -189,8 +189,8 @@ def row_of_file(path: Path, name: str) -> dict[str, str | float]:
         raise Unfit(f"fewer than {SMALLEST} vertices with faces")
     try:
         return row_of(name, vertices, faces)
-    except (bf.InvalidMeshError, ValueError) as error:
-        raise Unfit("not a manifold") from error
+    except (bf.InvalidMeshError, ValueError, ArithmeticError) as error:
+        raise Unfit(f"{type(error).__name__}: {error}") from error
 
 
 def judge_known_surfaces() -> None:
