@@ -4,6 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 
 class HalfEdges(NamedTuple):
@@ -32,6 +34,24 @@ def half_edges(faces: np.ndarray, vertex_count: int) -> HalfEdges:
     if (degree != np.bincount(start, minlength=vertex_count)).any():
         raise ValueError("the faces at a vertex are not one fan")
     return mesh
+
+
+def cut_to_manifold(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices and faces cut open where edges do not have two faces of one orientation, or a vertex has several fans.
+
+    Faces with equal corners are dropped, and so are vertices without faces. An edge that keeps more than two faces, as
+    in a strip with one side, is left.
+    """
+    faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)].astype(np.int64)
+    corners, ends = np.arange(faces.size).reshape(-1, 3), np.roll(faces, -1, axis=1)
+    there, back = faces * len(vertices) + ends, ends * len(vertices) + faces
+    keys, first, counts = np.unique(there.ravel(), return_index=True, return_counts=True)
+    own, twin = (np.minimum(np.searchsorted(keys, one), len(keys) - 1) for one in (there, back))
+    joined = (keys[twin] == back) & (counts[own] == 1) & (counts[twin] == 1)
+    # a half-edge starts where its twin ends
+    pairs = corners[joined], np.roll(corners, -1, axis=1).ravel()[first[twin[joined]]]
+    labels = connected_components(coo_array((np.ones(len(pairs[0])), pairs), shape=(faces.size, faces.size)))[1]
+    return vertices[faces.ravel()[np.unique(labels, return_index=True)[1]]], labels.reshape(-1, 3).astype(np.int32)
 
 
 @njit(cache=True)

@@ -213,7 +213,7 @@ def _flip_pass(mesh: HalfEdges, vertices: np.ndarray, normals: np.ndarray) -> in
 def _cotangent(vertices: np.ndarray, apex: int, a: int, b: int) -> float:
     p, q = vertices[a] - vertices[apex], vertices[b] - vertices[apex]
     sine = np.sqrt(max(_dot(p, p) * _dot(q, q) - _dot(p, q) ** 2, 0.0))
-    return _dot(p, q) / max(sine, 1e-12 * np.sqrt(_dot(p, p) * _dot(q, q)))
+    return _dot(p, q) / max(sine, 1e-12 * np.sqrt(_dot(p, p) * _dot(q, q)), 1e-300)  # vertices may coincide
 
 
 @njit(cache=True)
