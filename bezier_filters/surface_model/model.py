@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bezier_filters.arrays import FloatArray
+from bezier_filters.arrays import BoolArray, FloatArray
 from bezier_filters.noise.noise_model import NoiseModel, RingNoise, ring_noise
 from bezier_filters.patches.harmonics import HIGHEST_DEGREE, harmonic_basis
 from bezier_filters.sampling.ring_analysis import FREE_DEGREE, RingAnalysis
@@ -100,6 +100,9 @@ def learn_surface_model(
             )
             for odds in (PRIOR_RANGE, UPPER_PRIOR_RANGE)
         )
+        variances, upper_variances = (
+            _extrapolate_decay(of_terms, values, np.isinf(errors)) for of_terms in (variances, upper_variances)
+        )
         modelled = float((analysis.sums.unexplained @ variances).sum() / analysis.sums.freedom[:, -1].sum())
         unmodelled = max(float(analysis.mean_squares[-1]) - of_ring.residuals[-1] - modelled, 0.0)
         quartic = known_model.quartic if known_model is not None and whole is None else learn_quartic_mean(of_ring)
@@ -146,6 +149,25 @@ def _enforce_decay(variances: FloatArray, values: FloatArray, errors: FloatArray
         unsure = (degrees == degree) & (values < SIGNIFICANT_STANDARD_ERRORS * errors)
         result[unsure] = np.minimum(result[unsure], most)
         largest[degree] = float(result[degrees == degree].max())
+    return result
+
+
+def _extrapolate_decay(variances: FloatArray, values: FloatArray, is_unknown: BoolArray) -> FloatArray:
+    """Give the terms whose degree no fit has the variance by which the terms of lower degree decay.
+
+    The mean variance of a degree is to that two degrees lower as that is to the one four degrees lower, as long as that
+    is a decay. The terms of degree 2 have no variance, but mean squares, among the `values`.
+    """
+    degrees, result = harmonic_basis().degrees, variances.copy()
+    means = [
+        float(np.where(degrees > FREE_DEGREE, result, values)[degrees == degree].mean())
+        for degree in range(HIGHEST_DEGREE + 1)
+    ]
+    for degree in range(FREE_DEGREE + 2, HIGHEST_DEGREE + 1):
+        here = is_unknown & (degrees == degree)
+        lower, lowest = means[degree - 2], means[degree - 4]
+        if here.any() and lowest > 0.0 and lower > 0.0:
+            result[here] = means[degree] = lower * min(lower / lowest, 1.0)
     return result
 
 

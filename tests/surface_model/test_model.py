@@ -363,3 +363,20 @@ def test_variances_of_terms_scatter_by_their_standard_errors():
         scores.append((values / errors)[basis.degrees == analysis.degree][::2])
     assert np.mean(scores) == pytest.approx(0.0, abs=0.15)
     assert np.std(scores) == pytest.approx(1.0, abs=0.1)
+
+
+@pytest.mark.parametrize("sides", [8, 9, 11, 12])
+def test_terms_beyond_every_fit_keep_high_degrees_from_neighbourhoods_that_turn_far(sides):
+    """On a tube of few sides a sextic passes through all positions around, and says nothing of what is between."""
+    angles = np.arange(sides) * 2.0 * np.pi / sides
+    rows, edge = 25, 2.0 * np.pi / sides
+    vertices = np.array([(np.cos(t), np.sin(t), k * edge) for k in range(rows) for t in angles])
+    first = np.arange((rows - 1) * sides)
+    second = first - first % sides + (first + 1) % sides
+    faces = np.concatenate(
+        [np.column_stack([first, second, second + sides]), np.column_stack([first, second + sides, first + sides])]
+    )
+    geometry = estimate_vertex_geometry(vertices, faces)
+    inner = slice(8 * sides, -8 * sides)
+    assert np.abs(geometry.mean_curvature[inner] - 0.5).mean() < 0.05
+    assert geometry.mean_curvature_std[inner].min() > 0.01
