@@ -312,7 +312,7 @@ def test_the_terms_of_the_highest_degree_are_learned_without_bias():
 
 @pytest.mark.parametrize("scale", [1.0, 1e-2, 1e-3])
 def test_a_wider_ring_helps_a_narrow_one_where_noise_hides_the_terms(scale):
-    """Mean error of the logarithms of the cubic terms' variances, and terms beyond a narrow ring's degree are known."""
+    """Mean error of the logarithms of the cubic terms' variances; terms beyond a narrow ring's degree decay."""
     basis = harmonic_basis()
     truth, sigma = scale * variances_by_degree(1.0, 0.2), 0.3
     cubic, beyond = basis.degrees == 3, basis.degrees > 5
@@ -326,7 +326,8 @@ def test_a_wider_ring_helps_a_narrow_one_where_noise_hides_the_terms(scale):
         )
         alone.append(np.abs(np.log(by_itself.variances[cubic] / truth[cubic])).mean())
         helped.append(np.abs(np.log(with_wide.variances[cubic] / truth[cubic])).mean())
-        assert not by_itself.variances[beyond].any()
+        means = [by_itself.variances[basis.degrees == degree].mean() for degree in range(4, 9)]
+        assert (np.array(means[2:]) <= np.array(means[:-2]) * (1.0 + 1e-12)).all()  # extrapolated
         assert with_wide.variances[beyond].all()
     assert np.mean(helped) < 1.05 * np.mean(alone)
     if scale < 1.0:
@@ -378,5 +379,5 @@ def test_terms_beyond_every_fit_keep_high_degrees_from_neighbourhoods_that_turn_
     )
     geometry = estimate_vertex_geometry(vertices, faces)
     inner = slice(8 * sides, -8 * sides)
-    assert np.abs(geometry.mean_curvature[inner] - 0.5).mean() < 0.05
-    assert geometry.mean_curvature_std[inner].min() > 0.01
+    assert np.abs(geometry.mean_curvature[inner] - 0.5).mean() < 0.07  # a sextic has .24 to .91
+    assert geometry.mean_curvature_std[inner].min() > 0.004
