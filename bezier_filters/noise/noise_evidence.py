@@ -30,15 +30,15 @@ MAX_PLACES = 64  # neighbourhoods: half and twice as many decide alike
 # Range L of shape, edges: about that of the residuals of quadratics in a 3-ring. From 2.2 to 4.5 all is decided alike;
 # with 1.5 shape resembles noise, and noise of eight averages counts as white; with 6 detail of rocker arms is noise.
 SHAPE_RANGE = 3.0
-# Log likelihood by which correlated noise must explain the places better than white noise: 28 to 300 for averaged noise,
-# -65 to 3 for detail of rocker arms. Half and twice it decide alike.
+# Log likelihood by which correlated noise must explain the places better than white noise. It is 28 to 300 for averaged
+# noise, -65 to 3 for detail of rocker arms; half and twice it decide alike.
 MIN_EVIDENCE = 10.0
 # grids of the variances of noise and of shape, whose ratios from one to the next are about 1.4 and 3
 LEVEL_COUNT, AMPLITUDE_COUNT = 28, 20
 # ends of these grids: the lowest over the smallest mean square of a place, the highest ones over the largest
 LOWEST_LEVEL, HIGHEST_LEVEL, HIGHEST_AMPLITUDE = 0.02, 3.0, 300.0
-# Factors on the nugget of the proposal: one that is too small makes a model unlikely that is right otherwise. Without the
-# second one, one of nine meshes with noise of eight averages counts as white; with 4 all is decided alike.
+# Factors on the nugget of the proposal: one that is too small makes a model unlikely that is right otherwise. Without
+# the second one, one of nine meshes with noise of eight averages counts as white; with 4 all is decided alike.
 NUGGET_FACTORS = (1.0, 2.0)
 MIXTURE_STEPS = 30  # iterations of expectation maximisation for the distribution of the amplitudes
 EIGENVALUE_FLOOR = 1e-9  # of the largest one: noise of long range hardly shows in some contrasts
