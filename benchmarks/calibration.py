@@ -35,6 +35,7 @@ from bezier_filters import surfaces
 from bezier_filters.fitting.mesh_neighbourhoods import mesh_neighbourhoods
 from bezier_filters.meshes.prepared_mesh import prepare_mesh
 from bezier_filters.surfaces import SampledSurface
+from strongest_peer import mean_edge
 
 sys.path.append(str(Path(__file__).parents[1] / "tools"))
 from corpus import SUFFIXES
@@ -42,13 +43,14 @@ from fit_predictions import predict
 from half_edges import cut_to_manifold
 from survivors import keep_survivors
 
-SHARE, MOST = 0.1, 3000
-"""Share of the vertices to take out, and vertices of one half at which the other is compared with it."""
-ENOUGH, ROUNDS, FEWEST = 300, 10, 20
-"""Predictions after which no others are made, how often at most, and how few say nothing."""
-SMALLEST, LARGEST, CROPPED, REACH, ROUNDING = 60, 60_000, 30_000, 1.5, 1e-9
-"""Vertices of a mesh; mean edges from a point to the nearest fit, at most, and by which predictions are off anyway."""
-GOOD, BAD = (0.7, 1.4), 2.5
+LEFT_OUT_SHARE, MAX_COMPARED = 0.1, 3000
+"""Share of the vertices to leave out, and largest number of vertices at which two halves are compared."""
+TARGET_PREDICTIONS, MAX_ROUNDS, MIN_PREDICTIONS = 300, 10, 20
+"""Predictions that are enough, rounds of leaving vertices out at most, and predictions that a result needs."""
+MIN_VERTICES, MAX_VERTICES, CROPPED_VERTICES, MAX_DISTANCE, ROUNDING = 60, 60_000, 30_000, 1.5, 1e-9
+"""Vertices of a mesh, at least, before it is cropped, and after; largest distance from a point to the nearest fit and
+rounding error of predictions, mean edges."""
+GOOD_SPREADS, BAD_SPREAD = (0.7, 1.4), 2.5
 """Spreads for which the standard errors hold, and beyond which they are useless."""
 SPREADS = ["spread", "spread90", "spread_n", "spread_h"]
 COLUMNS = ["file", "vertices", "predictions", "error", "expected", "remainder", *SPREADS, "rings", "degree", "noise"]
@@ -67,16 +69,12 @@ class Unfit(Exception):
     """Why a mesh cannot be judged."""
 
 
-def mean_edge(vertices: np.ndarray, faces: np.ndarray) -> float:
-    return float(np.linalg.norm(vertices[faces] - vertices[np.roll(faces, 1, axis=1)], axis=2).mean())
-
-
 def crop(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """A connected part around a random vertex."""
     sides = faces.ravel(), np.roll(faces, 1, axis=1).ravel()
     graph = coo_array((np.ones(faces.size), sides), shape=(len(vertices), len(vertices))).tocsr()
     start = faces.ravel()[np.random.default_rng(0).integers(faces.size)]
-    chosen = breadth_first_order(graph, start, directed=False, return_predecessors=False)[:CROPPED]
+    chosen = breadth_first_order(graph, start, directed=False, return_predecessors=False)[:CROPPED_VERTICES]
     return cut_to_manifold(vertices, faces[np.isin(faces, chosen).all(axis=1)])
 
 
@@ -90,7 +88,7 @@ def at_edges(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 def estimate(vertices: np.ndarray, faces: np.ndarray) -> tuple[bf.VertexGeometry, np.ndarray]:
-    """The geometry, and the vertices (n,) at which it is sound and away from edges."""
+    """The geometry, and the vertices (n,) away from edges that have a fit of some degree."""
     geometry = bf.estimate_vertex_geometry(vertices, faces)
     if geometry.fit.noise_sigma is None:
         raise Unfit("no noise learned, so no standard errors")
@@ -111,13 +109,13 @@ def noise_of(geometry: bf.VertexGeometry) -> tuple[np.ndarray, np.ndarray]:
 def left_out(vertices: np.ndarray, faces: np.ndarray, edges: np.ndarray, seed: int) -> tuple[np.ndarray, tuple]:
     """Errors, expected errors and remainders (3, k) of a tenth of the vertices, in mean edges; rings, degree, noise."""
     survivors = np.ones(len(vertices), dtype=bool)
-    chosen = np.random.default_rng(seed).permutation(len(vertices))[: max(int(SHARE * len(vertices)), 1)]
+    chosen = np.random.default_rng(seed).permutation(len(vertices))[: max(int(LEFT_OUT_SHARE * len(vertices)), 1)]
     survivors[chosen] = False
     kept, reduced = keep_survivors(vertices, faces, survivors)
     geometry, usable = estimate(vertices[kept], reduced)
     gone = np.setdiff1d(chosen, kept)
     gone, edge = gone[~edges[gone]], mean_edge(vertices, faces)
-    found = predict(vertices[gone], vertices[kept], geometry, usable, REACH * edge)
+    found = predict(vertices[gone], vertices[kept], geometry, usable, MAX_DISTANCE * edge)
     sigma, leverage = (values[found.nearest] for values in noise_of(geometry))
     expected = np.sqrt(
         sigma**2 * (1.0 + leverage)
@@ -137,10 +135,10 @@ def halves(vertices: np.ndarray, faces: np.ndarray, seed: int) -> np.ndarray:
     survivors = np.argsort(random.permutation(len(vertices))) < len(vertices) // 2
     (kept, first), (others, second) = (keep_survivors(vertices, faces, part) for part in (survivors, ~survivors))
     (geometry, usable), (other, judged) = estimate(vertices[kept], first), estimate(vertices[others], second)
-    rows = random.permutation(np.flatnonzero(judged & ~survivors[others]))[:MOST]
+    rows = random.permutation(np.flatnonzero(judged & ~survivors[others]))[:MAX_COMPARED]
     edge = mean_edge(vertices[kept], first)
     points = vertices[others[rows]] + other.displacements[rows]
-    found = predict(points, vertices[kept], geometry, usable, REACH * edge)
+    found = predict(points, vertices[kept], geometry, usable, MAX_DISTANCE * edge)
     rows, near = rows[found.points], found.nearest
     turned = np.linalg.norm(found.normals - other.normals[rows], axis=1)
     bent = np.abs(found.mean_curvatures - other.mean_curvature[rows])
@@ -153,10 +151,10 @@ def halves(vertices: np.ndarray, faces: np.ndarray, seed: int) -> np.ndarray:
 def rounds(judge: Callable[[int], tuple[np.ndarray, tuple]]) -> tuple[np.ndarray, tuple]:
     """Results of several seeds together, and what the first says of the fit."""
     found = [judge(0)]
-    while len(found) < ROUNDS and sum(values.shape[1] for values, _ in found) < ENOUGH:
+    while len(found) < MAX_ROUNDS and sum(values.shape[1] for values, _ in found) < TARGET_PREDICTIONS:
         found.append(judge(len(found)))
     values = np.concatenate([values for values, _ in found], axis=1)
-    if values.shape[1] < FEWEST:
+    if values.shape[1] < MIN_PREDICTIONS:
         raise Unfit("too few vertices away from edges")
     return values, found[0][1]
 
@@ -183,10 +181,10 @@ def row_of_file(path: Path, name: str) -> dict[str, str | float]:
         raise Unfit("unreadable") from error
     vertices, faces = meshset.current_mesh().vertex_matrix(), meshset.current_mesh().face_matrix()
     vertices, faces = cut_to_manifold(vertices, faces) if len(faces) else (vertices[:0], faces)
-    if len(vertices) > LARGEST:
+    if len(vertices) > MAX_VERTICES:
         vertices, faces = crop(vertices, faces)
-    if len(vertices) < SMALLEST:
-        raise Unfit(f"fewer than {SMALLEST} vertices with faces")
+    if len(vertices) < MIN_VERTICES:
+        raise Unfit(f"fewer than {MIN_VERTICES} vertices with faces")
     try:
         return row_of(name, vertices, faces)
     except (bf.InvalidMeshError, ValueError, ArithmeticError) as error:
@@ -214,11 +212,11 @@ def summarize(rows: list[dict[str, str | float]], skipped: Counter[str]) -> None
     for column in SPREADS if rows else ():
         values = np.array([row[column] for row in rows], dtype=np.float64)
         values = values[~np.isnan(values)]
-        low, good = np.mean(values < GOOD[0]), np.mean((values >= GOOD[0]) & (values <= GOOD[1]))
-        print(
-            f"{column} of {len(values)}: median {np.median(values):.2f}, {good:.1%} from {GOOD[0]} to {GOOD[1]}", end=""
-        )
-        print(f", {low:.1%} below, {np.mean(values > BAD):.1%} above {BAD}")
+        low, high = GOOD_SPREADS
+        below, good = np.mean(values < low), np.mean((values >= low) & (values <= high))
+        bad = np.mean(values > BAD_SPREAD)
+        print(f"{column} of {len(values)}: median {np.median(values):.2f}, {good:.1%} from {low} to {high}", end="")
+        print(f", {below:.1%} below, {bad:.1%} above {BAD_SPREAD}")
 
 
 def main() -> None:

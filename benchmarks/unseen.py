@@ -118,9 +118,9 @@ def varying(mesh: Sample, edge: float, random: np.random.Generator) -> np.ndarra
 
 
 def outliers(mesh: Sample, edge: float, random: np.random.Generator) -> np.ndarray:
-    """One vertex in a hundred is off by 2 to 5 edges."""
-    is_off = random.random(len(mesh.vertices)) < 0.01
-    heights = is_off * random.choice([-1.0, 1.0], len(is_off)) * random.uniform(2.0, 5.0, len(is_off))
+    """One vertex in a hundred is displaced by 2 to 5 edges."""
+    is_outlier = random.random(len(mesh.vertices)) < 0.01
+    heights = is_outlier * random.choice([-1.0, 1.0], len(is_outlier)) * random.uniform(2.0, 5.0, len(is_outlier))
     return mesh.vertices + along_normals(edge * heights, mesh)
 
 

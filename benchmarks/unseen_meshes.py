@@ -23,7 +23,7 @@ Triangles = tuple[np.ndarray, np.ndarray]
 
 @contextlib.contextmanager
 def quiet() -> Iterator[None]:
-    """What libraries print is dropped meanwhile."""
+    """Suppress what libraries print."""
     kept, nowhere = os.dup(1), os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)
     try:
@@ -206,7 +206,7 @@ JITTERED = {"jittered": lambda surface, random: remeshed(surface, random, "jitte
 
 
 def triangulations(surface: Chart | LevelSet) -> dict[str, Callable[..., Triangles]]:
-    """Those that a surface can have."""
+    """Triangulations of a kind of surface, by name."""
     if isinstance(surface, Chart):
         return OF_CHARTS
     return OF_LEVEL_SETS | (OF_STARS if surface.is_star else JITTERED)

@@ -11,9 +11,9 @@ from scipy.spatial import cKDTree
 
 import bezier_filters as bf
 
-FITS, DEGREE = 12, 6
-"""Nearest fits, and degree of the polynomial through them; a degree more tells the remainder."""
-LEAN = 0.5
+NEAREST_FITS, DEGREE = 12, 6
+"""Nearest fits, and degree of the polynomial through them; the remainder is the change by a degree more."""
+MIN_NORMAL_COSINE = 0.5
 """Cosine between the normals of the nearest fits and their mean, at least."""
 JET_WEIGHTS = np.array([1.0, 1.0, 1.0, 0.5, 0.7, 0.5])
 
@@ -25,23 +25,23 @@ class Prediction(NamedTuple):
     heights: np.ndarray  # (k,): of the surface over the points along `frames[:, 2]`, a length
     normals: np.ndarray  # (k, 3)
     mean_curvatures: np.ndarray  # (k,)
-    remainders: np.ndarray  # (3, k): by how much heights, normals and mean curvatures may be off for what they lack
+    remainders: np.ndarray  # (3, k): bounds of the truncation errors of heights, normals and mean curvatures
     nearest: np.ndarray  # (k,): the vertex whose fit was expanded
     distances: np.ndarray  # (k,): to it in the plane
     frames: np.ndarray  # (k, 3, 3): rows are x, y and z axis
 
 
 def predict(points: np.ndarray, vertices: np.ndarray, geometry: bf.VertexGeometry, usable: np.ndarray, reach: float):
-    """Predict at points (m, 3) where the nearest fits surround them, are all `usable` (n,), and look the same way.
+    """Predict at points (m, 3) where the nearest fits surround them, are all `usable` (n,), and face the same way.
 
     `reach` is the largest distance to the nearest fit.
     """
     fitted = vertices + geometry.displacements
-    distances, at = cKDTree(fitted).query(points, FITS)
+    distances, at = cKDTree(fitted).query(points, NEAREST_FITS)
     mean = geometry.normals[at].sum(axis=1)
     mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-300)
     lean = np.einsum("mki,mi->mk", geometry.normals[at], mean).min(axis=1)
-    chosen = np.flatnonzero((distances[:, 0] < reach) & usable[at].all(axis=1) & (lean > LEAN))
+    chosen = np.flatnonzero((distances[:, 0] < reach) & usable[at].all(axis=1) & (lean > MIN_NORMAL_COSINE))
     at, mean, unit = at[chosen], mean[chosen], np.maximum(distances[chosen].mean(axis=1), 1e-300)
     across = np.cross(mean, np.eye(3)[np.abs(mean).argmin(axis=1)])
     across /= np.linalg.norm(across, axis=1, keepdims=True)
@@ -56,15 +56,21 @@ def predict(points: np.ndarray, vertices: np.ndarray, geometry: bf.VertexGeometr
     along = [(k[at] * unit[:, np.newaxis], np.einsum("mkai,mki->amk", tangents, d[at])) for k, d in ends]
     bends = [-sum(k * d[i] * d[j] for k, d in along) / normals[..., 2] for i, j in ((0, 0), (0, 1), (1, 1))]
     jets = np.stack([z, slopes[..., 0], slopes[..., 1], *bends], axis=-1)
-    (jet, sound), (other, _) = (_jets_at_origin(x, y, jets, degree) for degree in (DEGREE, DEGREE + 1))
+    (jet, is_determined), (other, _) = (_jets_at_origin(x, y, jets, degree) for degree in (DEGREE, DEGREE + 1))
     distances = np.hypot(x, y)[:, 0] * unit
-    chosen, jet, other, unit, frames = chosen[sound], jet[sound], other[sound], unit[sound], frames[sound]
+    chosen, jet, other, unit, frames = (
+        chosen[is_determined],
+        jet[is_determined],
+        other[is_determined],
+        unit[is_determined],
+        frames[is_determined],
+    )
     (normals, curvatures), (normals7, curvatures7) = (_normals_and_curvatures(one) for one in (jet, other))
     turned = np.linalg.norm(normals - normals7, axis=1)
     remainders = np.stack([np.abs(jet[:, 0] - other[:, 0]) * unit, turned, np.abs(curvatures - curvatures7) / unit])
     normals = np.einsum("mij,mi->mj", frames, normals)
     values = jet[:, 0] * unit, normals, curvatures / unit, remainders
-    return Prediction(chosen, *values, at[sound, 0], distances[sound], frames)
+    return Prediction(chosen, *values, at[is_determined, 0], distances[is_determined], frames)
 
 
 def _monomials(x: np.ndarray, y: np.ndarray, degree: int) -> np.ndarray:
@@ -90,16 +96,16 @@ def _jets_at_origin(x: np.ndarray, y: np.ndarray, jets: np.ndarray, degree: int)
     rows = x.shape[0], x.shape[1] * len(JET_WEIGHTS)
     q, r = np.linalg.qr((terms * weights[..., np.newaxis]).reshape(*rows, terms.shape[-1]))
     diagonal = np.abs(np.diagonal(r, axis1=1, axis2=2))
-    sound = diagonal.min(axis=1) > 1e-9 * diagonal.max(axis=1)
-    r[~sound] = np.eye(r.shape[1])
+    is_determined = diagonal.min(axis=1) > 1e-9 * diagonal.max(axis=1)
+    r[~is_determined] = np.eye(r.shape[1])
     inverse = np.linalg.inv(r)
     found = np.einsum("mij,mj->mi", inverse, np.einsum("mij,mi->mj", q, (jets * weights).reshape(rows)))
-    sound &= np.linalg.norm(inverse[:, 0], axis=1) < 1.0  # beyond that the height is extrapolated
+    is_determined &= np.linalg.norm(inverse[:, 0], axis=1) < 1.0  # beyond that the height is extrapolated
     z, p, s, xx, xy, yy = (jets[:, 0] - np.einsum("mij,mj->mi", terms[:, 0], found)).T
     u, v = x[:, 0], y[:, 0]
     at_vertex = z - p * u - s * v + (xx * u * u + 2.0 * xy * u * v + yy * v * v) / 2.0
     differences = np.stack([at_vertex, p - xx * u - xy * v, s - xy * u - yy * v, xx, xy, yy], axis=1)
-    return found[:, :6] * [1.0, 1.0, 1.0, 2.0, 1.0, 2.0] + differences, sound
+    return found[:, :6] * [1.0, 1.0, 1.0, 2.0, 1.0, 2.0] + differences, is_determined
 
 
 def _normals_and_curvatures(jets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

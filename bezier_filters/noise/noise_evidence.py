@@ -1,4 +1,4 @@
-"""Selects the noise model of a surface by the restricted likelihood of sampled neighbourhoods.
+"""Decides between white and correlated noise by the restricted likelihood of sampled neighbourhoods.
 
 The contrasts y = Q^T z of a neighbourhood, with Q orthogonal to all quadratics in the tangent plane, contain noise and
 the shape beyond a quadratic (restricted likelihood; Patterson, Thompson, "Recovery of inter-block information when
@@ -40,7 +40,7 @@ LOWEST_LEVEL, HIGHEST_LEVEL, HIGHEST_AMPLITUDE = 0.02, 3.0, 300.0
 # Factors on the nugget of the proposal: one that is too small makes a model unlikely that is right otherwise. Without
 # the second one, one of nine meshes with noise of eight averages counts as white; with 4 all is decided alike.
 NUGGET_FACTORS = (1.0, 2.0)
-MIXTURE_STEPS = 30  # iterations of expectation maximisation for the distribution of the amplitudes
+MIXTURE_STEPS = 30  # iterations of expectation maximisation for the distribution of levels and amplitudes
 EIGENVALUE_FLOOR = 1e-9  # of the largest one: noise of long range hardly shows in some contrasts
 
 

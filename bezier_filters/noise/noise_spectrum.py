@@ -1,4 +1,4 @@
-"""Estimates the covariance of the noise: variance components of the scores and residuals of several rings.
+"""Proposes a covariance of the noise: variance components of the scores and residuals of several rings.
 
 Noise is stationary, while shape varies over the mesh and grows with the ring. So the flattest of the sampled
 neighbourhoods show the noise best. For every ring and degree, the mean squares of their scores of degree 3 and more and
@@ -82,7 +82,7 @@ class Contributions:
 
 @np.errstate(all="ignore")
 def propose_noise_models(analyses: Sequence[RingAnalysis]) -> tuple[NoiseModel, NoiseModel] | None:
-    """Models of correlated noise, of most places, and less what of it may be detail; None if it is white.
+    """Propose correlated noise: all that most places show, and the part that is not detail; None if it is white.
 
     Flat neighbourhoods decide whether there is correlated noise. Selected for small values, they underestimate its
     variance a little. So the variance is that of the majority of the neighbourhoods, as long as it is not much larger
@@ -111,18 +111,14 @@ def propose_noise_models(analyses: Sequence[RingAnalysis]) -> tuple[NoiseModel, 
     residual_squares = widest.sums.residuals[:, -1] / np.maximum(widest.sums.freedom[:, -1], 1.0)
     calm = _flattest_centers(widest, residual_squares, MAJORITY_FRACTION)
     majority = _fit_noise_model(used, causes, calm, half=False) or flat
-    white_ratio = max(majority.white / flattest.white, 1.0) if flattest.white > 0.0 else 1.0
+    white_ratio = max(majority.white / flattest.white, 1.0)
     ratio = sum(majority.sills) / sum(flattest.sills) / white_ratio
     trusted_share = (1.0 + (ratio / HOMOGENEOUS_VARIANCE_RATIO) ** 6) ** (-1.0 / 3.0)
     return majority, replace(majority, sills=tuple(float(trusted_share * sill) for sill in majority.sills))
 
 
 def _fit_noise_model(
-    analyses: Sequence[RingAnalysis],
-    causes: Sequence[Contributions],
-    centers: IntArray,
-    *,
-    half: bool,
+    analyses: Sequence[RingAnalysis], causes: Sequence[Contributions], centers: IntArray, *, half: bool
 ) -> NoiseModel | None:
     """Fit the noise of the neighbourhoods of some centers; None if it is white, or does not explain them.
 
@@ -149,11 +145,13 @@ def _fit_noise_model(
         variances, deviance = tried[best]
         chosen.append(best)
     white, sills = float(variances[0]), variances[1 : 1 + len(chosen)]
-    least = MIN_NUGGET * float(sills.sum())
-    if not sills.any() or (white < least and deviance > (1.0 - MIN_EXPLAINED_DEVIANCE) * without):
+    least_white = MIN_NUGGET * float(sills.sum())
+    if not sills.any() or (white < least_white and deviance > (1.0 - MIN_EXPLAINED_DEVIANCE) * without):
         return None
     parts = [(float(sill), SQUARED_LENGTHS[k] ** 0.5) for k, sill in zip(chosen, sills, strict=True) if sill]
-    model = NoiseModel(max(white, least), tuple(sill for sill, _ in parts), tuple(edge * length for _, length in parts))
+    model = NoiseModel(
+        max(white, least_white), tuple(sill for sill, _ in parts), tuple(edge * length for _, length in parts)
+    )
     return model.scale_variance(edge**2)
 
 

@@ -153,7 +153,7 @@ def _enforce_decay(variances: FloatArray, values: FloatArray, errors: FloatArray
 
 
 def _extrapolate_decay(variances: FloatArray, values: FloatArray, is_unknown: BoolArray) -> FloatArray:
-    """Give the terms whose degree no fit has the variance by which the terms of lower degree decay.
+    """Extrapolate the variances to terms of degrees that no fit has, as those of lower degrees decay.
 
     The mean variance of a degree is to that two degrees lower as that is to the one four degrees lower, as long as that
     is a decay. The terms of degree 2 have no variance, but mean squares, among the `values`.
