@@ -334,7 +334,8 @@ def _fit(
     if whole is not None and has_regions:
         features = first_features(geometry, arrays.origin[sampled])
         fit = add_regions(fit, whole, source, options, probes, sampled, features)
-    return fit_regions(arrays, ids, fit, geometry, progress=progress), fit
+    choice = fit_regions(arrays, ids, fit, geometry, progress=progress)
+    return replace(choice, parts=tuple(part for part in choice.parts if part.vertices)), fit
 
 
 def _check_normals(normals: ArrayLike | None, mesh: TriangleMesh) -> FloatArray | None:

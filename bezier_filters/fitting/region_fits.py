@@ -25,7 +25,9 @@ from bezier_filters.surface_model.learn import learn_surface
 from bezier_filters.surface_model.model_tree import (
     MAX_TREE_DEPTH,
     MIN_CORRELATED_SPLIT_GAIN,
+    MIN_SPLIT_SAMPLES,
     Leaf,
+    LearnAt,
     Split,
     Tree,
     fit_leaf,
@@ -34,17 +36,15 @@ from bezier_filters.surface_model.model_tree import (
     leaves,
     log_error_reduction,
     map_leaves,
+    separate_magnitudes,
 )
 
-# A small region that the first fit does not follow hardly shows in the sample. Among more vertices, the probes, those
-# whose residual is at least this ratio times the standard deviation of the noise get their own model.
-MIN_MISFIT_RATIO, PROBE_COUNT = 1.4, 2000
-# number of such probes, and their largest fraction: if there are more, the sample has enough of them
-MIN_MISFIT_COUNT, MAX_MISFIT_FRACTION = 40, 0.3
-MIN_MISFIT_GAIN = 0.2  # decrease of the logarithm of the predicted error by that model under white noise
+PROBE_COUNT = 2000  # vertices with features: a small region hardly shows in the sample of the model
+MIN_MISFIT_RATIO = 1.4  # residuals of this many standard deviations of the noise and more are large
+MIN_MISFIT_GAIN = 0.2  # decrease of the logarithm of the predicted error by a fit of the vertices with large residuals
 MAX_ERROR_INCREASE = 2.0  # ratio of the standard error of a region's fit to that of the first fit, if that succeeded
-REGION_CHUNK = 1 << 18  # vertices of a region for which both fits are stored at a time
 RESIDUAL_FEATURE = 1  # column of `first_features`
+REGION_CHUNK = 1 << 18  # vertices of a region for which both fits are stored at a time
 
 
 def add_regions(
@@ -61,34 +61,52 @@ def add_regions(
     `features` (k, 2) are the `first_features` of `vertices` (k,), which are in ascending order and include the sample
     of the model and the `probes`, drawn from all vertices.
     """
-    tree = grow_tree(whole, vertices, features, options)
-    if not fit.robust:  # outliers have large residuals, too
-        threshold = MIN_MISFIT_RATIO * max(leaf.surface.sigma for leaf in leaves(tree))
-        residuals = features[np.searchsorted(vertices, probes), RESIDUAL_FEATURE]
-        misfits = probes[residuals > threshold]
-        if MIN_MISFIT_COUNT <= len(misfits) <= MAX_MISFIT_FRACTION * len(probes):
-            mode: SampleMode = "smoothed" if fit.smooth_normals else "plain"
-            learned = learn_surface(source, options, at=misfits, mode=mode)
-            leaf = None if learned is None else learned.limit(options)
-            leaf, min_gain = _discard_noise_excess(leaf, whole, options)
-            # if the leaf lacks the ring of the first fit, neighbourhoods of that width fold
-            if leaf is not None and not -np.inf < log_error_reduction(whole.chosen, leaf) <= min_gain:
-                own = grow_tree(leaf, vertices, features, options, MAX_TREE_DEPTH - 1)
-                tree = Split(RESIDUAL_FEATURE, threshold, tree, own)
+    mode: SampleMode = "smoothed" if fit.smooth_normals else "plain"
+
+    def learn_at(some: IntArray) -> Leaf | None:
+        learned = learn_surface(source, options, at=probes[np.isin(probes, some)], mode=mode)
+        leaf = None if learned is None else learned.limit(options)
+        return _discard_noise_excess(leaf, whole, options)
+
+    if fit.robust:  # outliers have large residuals, too
+        tree = grow_tree(whole, vertices, features, options)
+    else:
+        tree = _grow_by_residuals(whole, vertices, features, options, learn_at)
     return fit if isinstance(tree, Leaf) else replace(fit, regions=map_leaves(tree, partial(_region_fit, whole)))
 
 
-def _discard_noise_excess(leaf: Leaf | None, whole: Leaf, options: FitOptions) -> tuple[Leaf | None, float]:
-    """The leaf of the misfits with no more correlated noise than elsewhere, and the gain by which it must improve.
+def _grow_by_residuals(
+    whole: Leaf, vertices: IntArray, features: FloatArray, options: FitOptions, learn_at: LearnAt
+) -> Tree[Leaf]:
+    """Grow the tree, and split off the vertices with large residuals, if a fit of their own is better there."""
+    tree = grow_tree(whole, vertices, features, options, learn_at)
+    residuals = features[:, RESIDUAL_FEATURE]
+    if np.median(residuals) > MIN_MISFIT_RATIO * whole.surface.sigma:  # they are shape, or noise of a part
+        threshold = separate_magnitudes(residuals)
+    else:
+        threshold = MIN_MISFIT_RATIO * max(leaf.surface.sigma for leaf in leaves(tree))
+    is_high = residuals > threshold
+    if is_high.sum() < MIN_SPLIT_SAMPLES:
+        return tree
+    high = learn_at(vertices[is_high])
+    min_gain = MIN_CORRELATED_SPLIT_GAIN if whole.surface.noise.sills else MIN_MISFIT_GAIN
+    # if the leaf lacks the ring of the first fit, neighbourhoods of that width fold
+    if high is None or -np.inf < log_error_reduction(whole.chosen, high) <= min_gain:
+        return tree
+    own = grow_tree(high, vertices[is_high], features[is_high], options, learn_at, MAX_TREE_DEPTH - 1)
+    return Split(RESIDUAL_FEATURE, threshold, tree, own)
+
+
+def _discard_noise_excess(leaf: Leaf | None, whole: Leaf, options: FitOptions) -> Leaf | None:
+    """The leaf of a region with no more correlated noise than elsewhere.
 
     Large residuals select places where correlated noise happens to be strong, so its variance is overestimated there.
     If there is no correlated noise elsewhere, it is shape.
     """
     noise = whole.surface.noise
     if leaf is None or leaf.surface.sigma <= noise.sigma or not (noise.sills or leaf.surface.noise.sills):
-        return leaf, MIN_MISFIT_GAIN
-    bounded = fit_leaf(leaf.analyses, options, noise, heavy=noise.heavy)
-    return bounded, MIN_CORRELATED_SPLIT_GAIN if noise.sills else MIN_MISFIT_GAIN
+        return leaf
+    return fit_leaf(leaf.analyses, options, noise, heavy=noise.heavy)
 
 
 def _region_fit(whole: Leaf, leaf: Leaf) -> SurfaceFit:

@@ -279,5 +279,5 @@ def _count_parts(fit: SurfaceFit, done: Round) -> FitChoice:
     if fit.regions is None:
         return fit.choice
     found = zip(done.sums("parts"), leaves(fit.regions), strict=True)
-    parts = tuple(count_part(part, int(count)) for count, part in found)
+    parts = tuple(count_part(part, int(count)) for count, part in found if count)
     return replace(fit.choice, parts=parts)

@@ -72,6 +72,7 @@ class Split(Generic[Kind]):
     high: "Kind | Split[Kind]"
 
 
+LearnAt: TypeAlias = Callable[[IntArray], Leaf | None]  # learns a leaf from the neighbourhoods of vertices
 Tree: TypeAlias = Kind | Split[Kind]  # splits, and something of one kind at every leaf
 
 
@@ -133,34 +134,47 @@ def grow_tree(
     vertices: IntArray,
     features: FloatArray,
     options: FitOptions,
+    learn_at: LearnAt | None = None,
     depth: int = MAX_TREE_DEPTH,
 ) -> Tree[Leaf]:
     """Split a leaf while the gain is large enough, `depth` times at most.
 
-    `vertices` (k,) are the centers of the neighbourhoods, and perhaps others, in ascending order, with `features`
-    (k, F).
+    `vertices` (k,) of the leaf are the centers of its neighbourhoods, and perhaps others, in ascending order, with
+    `features` (k, F). `learn_at` learns a leaf from wider neighbourhoods of its own vertices, where the widest ring of
+    the root is the best.
     """
     likeliest = max(_candidates(root, vertices, features), default=None) if depth else None
     if likeliest is None:
         return root
     _, feature, threshold = likeliest
     is_low = features[:, feature] <= threshold
-    halves = (
-        [part.subset(side[np.searchsorted(vertices, part.centers)]) for part in root.analyses]
-        for side in (is_low, ~is_low)
-    )
-    sides = [[part for part in half if part is not None] for half in halves]
-    parts = [fit_region_leaf(root, side, options) for side in sides]
+    sides = (is_low, ~is_low)
+    parts = [_learn_side(root, vertices, side, options, learn_at) for side in sides]
     leaves_ = [leaf for leaf in parts if leaf is not None]
     if len(leaves_) < len(parts):
         return root
     gains = [log_error_reduction(root.chosen, leaf) for leaf in leaves_]
-    sizes = [max(len(part.centers) for part in side) for side in sides]
+    sizes = [int(side.sum()) for side in sides]
     min_gain = MIN_CORRELATED_SPLIT_GAIN if root.surface.noise.sills else MIN_SPLIT_GAIN
     if sum(s * n for s, n in zip(gains, sizes, strict=True)) <= min_gain * sum(sizes):
         return root
-    low, high = (grow_tree(leaf, vertices, features, options, depth - 1) for leaf in leaves_)
+    low, high = (
+        grow_tree(leaf, vertices[side], features[side], options, learn_at, depth - 1)
+        for leaf, side in zip(leaves_, sides, strict=True)
+    )
     return Split(feature, threshold, low, high)
+
+
+def _learn_side(
+    root: Leaf, vertices: IntArray, side: BoolArray, options: FitOptions, learn_at: LearnAt | None
+) -> Leaf | None:
+    """The leaf of the vertices where a mask is true; None if the sample of the root has no fit for them."""
+    subsets = (part.subset(side[np.searchsorted(vertices, part.centers)]) for part in root.analyses)
+    leaf = fit_region_leaf(root, [part for part in subsets if part is not None], options)
+    if learn_at is None or leaf is None or leaf.chosen.rings < root.analyses[-1].rings:
+        return leaf
+    wider = learn_at(vertices[side])
+    return leaf if wider is None or wider.chosen.error >= leaf.chosen.error else wider
 
 
 def log_error_reduction(spec: FitSpec, leaf: Leaf) -> float:
@@ -207,6 +221,25 @@ def _candidates(root: Leaf, vertices: IntArray, features: FloatArray) -> Iterato
             gain = _log_likelihood(analysis, low) + _log_likelihood(analysis, ~low)
             gain -= _log_likelihood(analysis, everywhere)
             yield gain, feature, float(threshold)
+
+
+def separate_magnitudes(values: FloatArray) -> float:
+    """The value that separates small from large magnitudes with the least variance of the logarithms within both.
+
+    (Otsu, "A threshold selection method from gray-level histograms", IEEE Transactions on Systems, Man, and
+    Cybernetics 9, 1979.) Both sides have at least `MIN_SPLIT_SAMPLES`; infinite if there are too few values.
+
+    >>> separate_magnitudes(np.repeat([1e-9, 2e-9, 0.1, 0.3], [50, 50, 30, 20]))
+    2e-09
+    """
+    ordered, n = np.sort(np.abs(values)), len(values)
+    counts = np.arange(MIN_SPLIT_SAMPLES, n - MIN_SPLIT_SAMPLES + 1)
+    if not len(counts) or ordered[-1] == 0.0:
+        return np.inf
+    sums = np.cumsum(np.log(np.maximum(ordered / ordered[-1], np.finfo(np.float64).eps)))
+    low, high = sums[counts - 1], sums[-1] - sums[counts - 1]
+    between = np.square(low) / counts + np.square(high) / (n - counts)
+    return float(ordered[counts[between.argmax()] - 1])
 
 
 def _log_likelihood(analysis: RingAnalysis, rows: BoolArray) -> float:

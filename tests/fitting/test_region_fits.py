@@ -133,3 +133,24 @@ def test_parts_of_a_surface_that_is_exact_elsewhere_have_fits_of_their_own(exact
     part = _region_fit(replace(leaf, chosen=replace(leaf.chosen, **{exact: 0.0})), leaf)
     assert part.attempts
     assert not np.isfinite(part.error_ratios).any()
+
+
+@pytest.mark.parametrize("make", [bumpy_star, ellipsoid], ids=lambda make: make.__name__)
+@pytest.mark.parametrize("share", [0.03, 0.1, 0.3])
+def test_noise_on_a_part_costs_no_more_accuracy_than_the_same_noise_everywhere(make, share):
+    """Whole surfaces without noise need no wide rings, and the model of the whole has none."""
+    surface = make(resolution=32, jitter=0.2)
+    edge, offsets = mean_edge_of(surface.vertices, surface.faces), np.random.default_rng(7).standard_normal(10242)
+    is_noisy = surface.vertices[:, 0] > np.quantile(surface.vertices[:, 0], 1.0 - share)
+
+    def error(sigma):
+        vertices = surface.vertices + (sigma * edge * offsets)[:, np.newaxis] * surface.normals
+        found = estimate_vertex_geometry(vertices, surface.faces)
+        errors = (found.mean_curvature - surface.mean_curvature)[is_noisy]
+        inside = np.abs(errors) <= 1.96 * found.mean_curvature_std[is_noisy]
+        return np.sqrt(np.mean(errors**2)), inside.mean()
+
+    of_part, inside = error(np.where(is_noisy, 0.1, 0.0))
+    everywhere, _ = error(np.full(10242, 0.1))
+    assert of_part < 1.5 * everywhere
+    assert inside > 0.75
