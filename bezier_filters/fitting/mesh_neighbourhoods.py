@@ -55,6 +55,6 @@ class MeshNeighbourhoods:
 
 def mesh_neighbourhoods(mesh: PreparedMesh, ordered: SpatialOrder | None = None) -> MeshNeighbourhoods:
     """Neighbourhoods of a mesh, which end at its sharp edges, unless these are stairs of rounded coordinates."""
-    rounding = rounding_noise(sample_parts(mesh).mesh) if may_be_rounded(mesh.vertices) else NO_NOISE
+    rounding = rounding_noise(sample_parts(mesh).mesh) if may_be_rounded(mesh) else NO_NOISE
     arrays = prepare_kernel_mesh(mesh, ordered, with_barriers=rounding.variance == 0.0)
     return MeshNeighbourhoods(arrays, rounding=rounding)

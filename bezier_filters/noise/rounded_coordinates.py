@@ -10,13 +10,16 @@ coordinates are a sampling grid, as x and y of a height field. And stairs have t
 and concave edges lie side by side, which those of bodies made of bricks do not.
 """
 
+from dataclasses import dataclass
 from math import radians
 
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray
 from bezier_filters.meshes.half_edges import mesh_edges
+from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.prepared_mesh import PreparedMesh
+from bezier_filters.noise.lattice import find_lattice, has_recurring_edges, orthogonal_frames
 from bezier_filters.noise.noise_model import NO_NOISE, NoiseModel
 
 # The tested meshes are 18 masks and terrains, and 11 bodies of bricks and real meshes. Where nothing else is said, half
@@ -42,6 +45,16 @@ MASK_NUGGET, MASK_RANGE = 0.1, 0.75
 MIN_RISER_SHARE, MIN_RISER_ANGLE = 0.6, radians(30.0)
 
 
+@dataclass(frozen=True)
+class Rounding:
+    """How the coordinates of a mesh are rounded."""
+
+    steps: FloatArray  # (3,): coordinates are multiples of them; half of the voxels of a mask; 0 for exact coordinates
+    is_mask: bool  # whether the mesh is the boundary of a voxel mask
+    variance: float  # of the noise along the normal, length^2
+    axes: FloatArray | None  # (3, 3): rows are the axes of the coordinates; None for x, y, z
+
+
 def rounding_noise(mesh: PreparedMesh) -> NoiseModel:
     """Noise along the normal of coordinates whose steps have left stairs; of variance 0 if there are none.
 
@@ -56,15 +69,14 @@ def rounding_noise(mesh: PreparedMesh) -> NoiseModel:
     >>> bool(0.4 < np.sqrt(12.0) * noise[0].sigma * 30.0 < 1.0), noise[1].sigma
     (True, 0.0)
     """
-    steps = coordinate_steps(mesh.vertices)
-    if not (steps > 0.0).any() or not mesh.face_count:
+    found = _find_rounding(mesh)
+    if found is None:
         return NO_NOISE
-    is_mask, variance = _variance(mesh, steps)
-    if variance <= (MIN_STAIR_NOISE * mesh.mean_edge) ** 2 or not _has_risers(mesh):
-        return NO_NOISE
-    if not is_mask:
-        return NoiseModel(variance)
-    return NoiseModel(MASK_NUGGET * variance, ((1.0 - MASK_NUGGET) * variance,), (MASK_RANGE * mesh.mean_edge,))
+    if not found.is_mask:
+        return NoiseModel(found.variance)
+    return NoiseModel(
+        MASK_NUGGET * found.variance, ((1.0 - MASK_NUGGET) * found.variance,), (MASK_RANGE * mesh.mean_edge,)
+    )
 
 
 def describe_rounding(mesh: PreparedMesh) -> str:
@@ -78,23 +90,52 @@ def describe_rounding(mesh: PreparedMesh) -> str:
     >>> describe_rounding(prepare_mesh(triangle_mesh(terrain, hills.faces)))
     'stairs: z is rounded to multiples of 1; this counts as noise, and the edges of the stairs are not sharp edges'
     """
-    noise = rounding_noise(mesh)
-    if noise.variance == 0.0:
+    found = _find_rounding(mesh)
+    if found is None:
         return ""
-    steps = coordinate_steps(mesh.vertices)
-    if noise.sills:
-        source = "they bound a voxel mask with voxels of " + " x ".join(f"{2.0 * step:.4g}" for step in steps)
-    else:
-        rounded = _remove_grid_steps(mesh.vertices, steps)
+    lengths = [f"{step:.4g}" for step in (2.0 * found.steps if found.is_mask else found.steps)]
+    if found.is_mask:
+        source = "they bound a voxel mask with voxels of " + " x ".join(lengths)
+    elif found.axes is None:
         source = " and ".join(
-            f"{axis} is rounded to multiples of {step:.4g}" for axis, step in zip("xyz", rounded, strict=True) if step
+            f"{axis} is rounded to multiples of {length}"
+            for axis, length, step in zip("xyz", lengths, found.steps, strict=True)
+            if step
         )
+    else:
+        source = " and ".join(
+            f"coordinates along ({axis[0]:.3f}, {axis[1]:.3f}, {axis[2]:.3f}) are rounded to multiples of {length}"
+            for axis, length, step in zip(found.axes, lengths, found.steps, strict=True)
+            if step
+        )
+    if found.is_mask and found.axes is not None:
+        source += ", which is turned"
     return f"stairs: {source}; this counts as noise, and the edges of the stairs are not sharp edges"
 
 
-def may_be_rounded(vertices: FloatArray) -> bool:
-    """Whether the coordinates of an axis are multiples of a step: a fast test."""
-    return bool((coordinate_steps(vertices) > 0.0).any())
+def may_be_rounded(mesh: TriangleMesh) -> bool:
+    """Whether coordinates are multiples of a step, along the axes or others: a fast test."""
+    return bool((coordinate_steps(mesh.vertices) > 0.0).any()) or has_recurring_edges(mesh)
+
+
+def _find_rounding(mesh: PreparedMesh) -> Rounding | None:
+    """How the coordinates are rounded, along the axes or else those of a lattice; None if there are no stairs."""
+    if not mesh.face_count or not mesh.barriers.any():
+        return None
+    if (coordinate_steps(mesh.vertices) > 0.0).any():
+        found = _rounding_along(mesh, mesh.vertices, None)
+    elif (lattice := find_lattice(mesh)) is not None:
+        found = [
+            one
+            for frame in orthogonal_frames(lattice)
+            for one in _rounding_along(mesh, frame.coordinates(lattice.places), frame.axes)
+        ]
+    else:
+        return None
+    best = next((one for one in found if one.is_mask), found[0] if found else None)
+    if best is None or best.variance <= (MIN_STAIR_NOISE * mesh.mean_edge) ** 2 or not _has_risers(mesh):
+        return None
+    return best
 
 
 def coordinate_steps(vertices: FloatArray) -> FloatArray:
@@ -126,23 +167,25 @@ def _step(values: FloatArray) -> float:
     return step if is_multiple.all() else 0.0
 
 
-def _variance(mesh: PreparedMesh, steps: FloatArray) -> tuple[bool, float]:
-    """Whether a mesh is the boundary of a voxel mask, and the mean variance along the normal by rounding, length^2.
+def _rounding_along(mesh: PreparedMesh, coordinates: FloatArray, axes: FloatArray | None) -> list[Rounding]:
+    """How the coordinates (n, 3) along some axes are rounded, if they are; the variance is a mean over the vertices.
 
     Axes of a sampling grid are not rounded. Of a vertex of a mask, only the coordinate half-way between voxels is, to
     the whole voxel.
     """
     has_normal = mesh.planes.normals.any(axis=1)
-    points, normals = mesh.vertices[has_normal], mesh.planes.normals[has_normal]
-    if not len(points):
-        return False, 0.0
+    points, normals = coordinates[has_normal], mesh.planes.normals[has_normal]
+    normals = normals if axes is None else normals @ axes.T
+    steps = coordinate_steps(points)
+    if not len(points) or not (steps > 0.0).any():
+        return []
     rounded = _remove_grid_steps(points, steps)
     squares = np.square(normals * rounded)
     is_half_way = _half_way(points, steps) if (rounded > 0.0).all() else np.zeros(points.shape, dtype=np.bool_)
     is_mask = bool(np.mean(is_half_way.sum(axis=1) == 1) >= MIN_DISTINCT_PAIRS)
     if is_mask:
         squares = 4.0 * squares * is_half_way
-    return is_mask, float(squares.sum(axis=1).mean()) / 12.0
+    return [Rounding(steps if is_mask else rounded, is_mask, float(squares.sum(axis=1).mean()) / 12.0, axes)]
 
 
 def _remove_grid_steps(points: FloatArray, steps: FloatArray) -> FloatArray:

@@ -19,7 +19,7 @@ from bezier_filters.meshes.frames import NORMAL_SMOOTHING_ROUNDS
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.prepared_mesh import prepare_mesh
 from bezier_filters.noise.noise_model import NO_NOISE, NoiseModel
-from bezier_filters.noise.rounded_coordinates import MAX_STEP_SAMPLE, may_be_rounded, rounding_noise
+from bezier_filters.noise.rounded_coordinates import rounding_noise
 from bezier_filters.sampling.mesh_parts import (
     PART_VERTICES,
     MeshPart,
@@ -94,10 +94,7 @@ def store_neighbourhoods(store: Store, options: FitOptions) -> StoreNeighbourhoo
     """Neighbourhoods of a mesh in a store, as `mesh_neighbourhoods` makes them in memory."""
     if options.is_fixed:
         return StoreNeighbourhoods(store, with_barriers=False)
-    n = store.layout.vertex_count
-    some = np.arange(0, n, max(n // MAX_STEP_SAMPLE, 1), dtype=np.int32)
-    is_suspect = may_be_rounded(store.coordinates_of(some))
-    rounding = rounding_noise(sample_store_parts(store).mesh) if is_suspect else NO_NOISE
+    rounding = rounding_noise(sample_store_parts(store).mesh)
     return StoreNeighbourhoods(store, with_barriers=rounding.variance == 0.0, rounding=rounding)
 
 

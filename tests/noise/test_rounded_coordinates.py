@@ -75,6 +75,49 @@ def test_exact_bodies_on_a_lattice_have_none(make):
     assert noise_of(*make()).variance == 0.0
 
 
+def turned(vertices, seed):
+    """Vertices turned at random, at another place and of another size, in single precision."""
+    turn = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0]
+    return (0.37 * vertices @ turn + 100.0).astype(np.float32).astype(np.float64)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(
+    "make",
+    [lambda: ball_mask(8), lambda: ball_mask(12, (1.0, 1.0, 2.0)), lambda: terrain(1.0)[:2]],
+    ids=["cubes", "slices", "terrain"],
+)
+def test_rounding_is_found_along_turned_axes(make, seed):
+    vertices, faces = make()
+    expected, found = noise_of(vertices, faces), noise_of(turned(vertices, seed), faces)
+    assert found.sigma == pytest.approx(0.37 * expected.sigma, rel=1e-3)
+    assert found.length == pytest.approx(0.37 * expected.length, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: block_with_sharp_edges(resolution=16),
+        lambda: (cylinder().vertices, cylinder().faces),
+        lambda: (sphere(resolution=16).vertices, sphere(resolution=16).faces),
+        lambda: (waves(amplitude=0.0).vertices, waves(amplitude=0.0).faces),
+        lambda: (torus(jitter=0.2).vertices, torus(jitter=0.2).faces),
+    ],
+    ids=["bricks", "rows", "sphere", "plane", "irregular"],
+)
+def test_exact_turned_bodies_have_no_stairs(make):
+    vertices, faces = make()
+    assert noise_of(turned(vertices, 0), faces).variance == 0.0
+
+
+@compiled
+def test_curvature_does_not_depend_on_the_axes_of_the_voxels():
+    vertices, faces = ball_mask(12)
+    expected = estimate_vertex_geometry(vertices, faces).mean_curvature
+    found = 0.37 * estimate_vertex_geometry(turned(vertices, 1), faces).mean_curvature
+    assert rms(found - expected) < 0.01 * rms(expected)
+
+
 @compiled
 @pytest.mark.parametrize("radius", [8, 15, 25])
 def test_curvature_of_a_ball_of_voxels(radius):
