@@ -63,12 +63,12 @@ def find_lattice(mesh: TriangleMesh) -> Lattice | None:
     short = _lattice_basis(vectors, error) if len(vectors) else None
     if short is None:
         return None
-    basis: FloatArray = np.linalg.lstsq(np.round(vectors @ np.linalg.inv(short)), vectors, rcond=None)[0]
+    basis = _least_squares(np.round(vectors @ np.linalg.inv(short)), vectors)
     offsets = mesh.vertices - mesh.vertices[mesh.faces[0, 0]]
     used = np.unique(mesh.faces)
     for _ in range(2):  # from the edges first: over long distances errors of the basis would add up
         places = np.round(offsets @ np.linalg.pinv(basis))
-        basis = np.linalg.lstsq(places[used], offsets[used], rcond=None)[0]
+        basis = _least_squares(places[used], offsets[used])
     is_on = np.abs(offsets - places @ basis)[used].max() <= 4.0 * error
     return Lattice(basis, places) if is_on else None
 
@@ -129,6 +129,11 @@ def _lattice_basis(vectors: FloatArray, error: float) -> FloatArray | None:
         known = np.concatenate([rest[np.newaxis], basis])
         known = known[np.argsort(np.square(known).sum(axis=1), kind="stable")]
     return None
+
+
+def _least_squares(places: FloatArray, vectors: FloatArray) -> FloatArray:
+    """The basis (3, 3) whose combinations with coefficients (k, 3) are nearest to vectors (k, 3)."""
+    return np.asarray(np.linalg.lstsq(places, vectors, rcond=None)[0], dtype=np.float64)
 
 
 def _first_independent(vectors: FloatArray, error: float) -> FloatArray:
