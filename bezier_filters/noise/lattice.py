@@ -63,7 +63,7 @@ def find_lattice(mesh: TriangleMesh) -> Lattice | None:
     short = _lattice_basis(vectors, error) if len(vectors) else None
     if short is None:
         return None
-    basis = _least_squares(np.round(vectors @ np.linalg.inv(short)), vectors)
+    basis = _least_squares(vectors @ np.linalg.inv(short), vectors)
     offsets = mesh.vertices - mesh.vertices[mesh.faces[0, 0]]
     used = np.unique(mesh.faces)
     for _ in range(2):  # from the edges first: over long distances errors of the basis would add up
@@ -132,8 +132,8 @@ def _lattice_basis(vectors: FloatArray, error: float) -> FloatArray | None:
 
 
 def _least_squares(places: FloatArray, vectors: FloatArray) -> FloatArray:
-    """The basis (3, 3) whose combinations with coefficients (k, 3) are nearest to vectors (k, 3)."""
-    return np.asarray(np.linalg.lstsq(places, vectors, rcond=None)[0], dtype=np.float64)
+    """The basis (3, 3) whose combinations with the integers nearest to `places` (k, 3) are nearest to vectors (k, 3)."""
+    return np.asarray(np.linalg.lstsq(np.round(places), vectors, rcond=None)[0], dtype=np.float64)
 
 
 def _first_independent(vectors: FloatArray, error: float) -> FloatArray:
