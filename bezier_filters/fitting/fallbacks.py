@@ -20,6 +20,7 @@ from bezier_filters.kernels.kernel_input import (
     VertexResults,
     hubs,
     prepare_kernel_mesh,
+    use_smoothed_normals,
 )
 from bezier_filters.meshes.diagnosis import MIN_FIT_POINTS
 from bezier_filters.meshes.mesh import TriangleMesh
@@ -63,6 +64,7 @@ class FitAttempt:
     by_crossings: bool = False  # whether, if that is None, edges that cross in the plane make a fold, not faces
     # standard deviation of the heights, a length, for the standard errors of normal and curvatures; 0 for none
     noise: tuple[float, float] = (0.0, 0.0)
+    smooth_normals: bool = False  # whether planes and folds follow normals averaged over neighbours
     ignores_barriers: bool = False  # whether the neighbourhood may reach across sharp edges
     fewest_points: int = 0  # fewer points count as ill posed
     radius: float | None = None  # of the ball that is the neighbourhood, a length
@@ -107,7 +109,8 @@ def spec_chain(specs: Sequence[FitSpec], chosen: FitSpec, radius: float | None =
     """The chosen specification and its fallbacks: narrower rings where it folds, wider ones where it is ill posed.
 
     A prior makes nearly every neighbourhood well posed, and noise folds a few faces of a wide one.
-    So these fits use the mean plane and tolerate a few flipped normals. If there is a radius, the
+    So these fits use the mean plane and tolerate a few flipped normals; in noise, where more are flipped, they follow
+    normals averaged over neighbours before they become narrower. If there is a radius, the
     chosen specification belongs to its ball; the rings tried after a ball have few points, which get equal weights.
     """
     ill_posed, folded = frozenset({ILL_POSED}), frozenset({FOLDED_OVER})
@@ -128,6 +131,9 @@ def spec_chain(specs: Sequence[FitSpec], chosen: FitSpec, radius: float | None =
 
     fewest = int(MIN_POINT_FRACTION * chosen.points) if radius is None else 0
     yield replace(spec_attempt(FitStatus.OK, frozenset({UNTRIED}), chosen.rings, chosen, fewest), radius=radius)
+    if chosen.normal_noise > 0.0:
+        smoothed = spec_attempt(FitStatus.OTHER_PLANE, folded, chosen.rings, chosen, fewest)
+        yield replace(smoothed, radius=radius, smooth_normals=True)
     for spec in sorted((spec for spec in specs if spec.rings < chosen.rings), key=lambda spec: -spec.rings):
         yield spec_attempt(FitStatus.NARROWER_RING, folded, spec.rings, spec)
     narrowest, wider = (chosen.rings, chosen) if radius is None else (1, replace(chosen, weight_radius=np.inf))
@@ -221,6 +227,8 @@ def _run(
     """Run the kernel on the vertices `ids`; return their outcomes."""
     if attempt.by_crossings and attempt.max_flipped_fraction is None:
         return _run_without_crossings(attempt, mesh, ids, geometry, robust, progress)
+    if attempt.smooth_normals:
+        mesh = use_smoothed_normals(mesh)
     if attempt.ignores_barriers:
         mesh = mesh._replace(barriers=hubs(mesh.ring_ptr))
     outcomes = np.empty(len(ids), dtype=np.int8)

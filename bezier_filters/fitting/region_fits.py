@@ -20,7 +20,7 @@ from bezier_filters.runtime.parallel import Progress, run_kernel
 from bezier_filters.sampling.neighbourhood_samples import SampleMode
 from bezier_filters.status import FitStatus
 from bezier_filters.surface_model.fit_options import FitOptions
-from bezier_filters.surface_model.fit_spec import COST_EXPONENT, predict_under_model
+from bezier_filters.surface_model.fit_spec import COST_EXPONENT, FitSpec, predict_under_model
 from bezier_filters.surface_model.learn import CANDIDATE_RINGS, learn_surface
 from bezier_filters.surface_model.model_tree import (
     MAX_TREE_DEPTH,
@@ -178,7 +178,7 @@ def _fit_again(
     converged = ids[status <= FitStatus.WIDER_RING]
     rows = mesh.origin[converged]
     before = {name: values[rows] for name, values in arrays_of(geometry).items()}
-    instead = [one for one in part.attempts if one.status in (FitStatus.OK, FitStatus.NARROWER_RING)]
+    instead = [one for one in part.attempts if isinstance(one.fit, FitSpec)]
     for some, attempts in ((status == FitStatus.OK, instead), (status != FitStatus.OK, part.attempts)):
         fit_with_fallbacks(mesh, ids[some], attempts, geometry, robust=robust, progress=progress)
     with np.errstate(over="ignore", invalid="ignore"):  # infinite and undefined errors of the first fit count as worse

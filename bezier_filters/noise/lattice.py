@@ -132,7 +132,7 @@ def _lattice_basis(vectors: FloatArray, error: float) -> FloatArray | None:
 
 
 def _least_squares(places: FloatArray, vectors: FloatArray) -> FloatArray:
-    """The basis (3, 3) whose combinations with the integers nearest to `places` (k, 3) are nearest to vectors (k, 3)."""
+    """The basis (3, 3) of which the vectors (k, 3) have coefficients nearest to integers, those of `places` (k, 3)."""
     return np.asarray(np.linalg.lstsq(np.round(places), vectors, rcond=None)[0], dtype=np.float64)
 
 

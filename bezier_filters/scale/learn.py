@@ -124,8 +124,7 @@ def learn_fit(store: Store, options: FitOptions) -> SurfaceFit:
         return fit
     probes = source.draw(PROBE_COUNT)
     sampled = np.union1d(whole.centers, probes).astype(np.int32)
-    mode: SampleMode = "smoothed" if fit.smooth_normals else "plain"
-    part = part_around_samples(store, sampled, _reach(_widest(fit.attempts), mode, fit.cleaned))
+    part = part_around_samples(store, sampled, rings_needed(fit))
     local = part.local(sampled)
     arrays = mesh_to_fit(part.mesh, source.with_barriers, fit.cleaned, fit.smooth_normals)
     geometry = empty_geometry(len(arrays.vertices))
@@ -144,7 +143,8 @@ def rings_needed(fit: SurfaceFit) -> int:
     """Number of rings around a vertex that its values depend on."""
     parts = [] if fit.regions is None else leaves(fit.regions)
     attempts = [*fit.attempts, *(attempt for part in parts for attempt in part.attempts)]
-    return _reach(_widest(attempts), "smoothed" if fit.smooth_normals else "plain", fit.cleaned)
+    is_smoothed = fit.smooth_normals or any(attempt.smooth_normals for attempt in attempts)
+    return _reach(_widest(attempts), "smoothed" if is_smoothed else "plain", fit.cleaned)
 
 
 def _reach(rings: int, mode: SampleMode, without: bool) -> int:

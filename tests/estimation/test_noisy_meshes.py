@@ -1,4 +1,4 @@
-"""Standard errors under noise that is alike at neighbouring vertices."""
+"""Estimates and their standard errors under noise: correlated, on slivers, on a part of the surface."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ from numba import config
 from scanner_noise import along_normals, mean_edge_of
 
 from bezier_filters import FitStatus, estimate_vertex_geometry
-from bezier_filters.surfaces import bumpy_star, ellipsoid, torus
+from bezier_filters.surfaces import bumpy_star, ellipsoid, torus, waves
 
 pytestmark = pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")
 
@@ -108,3 +108,46 @@ def test_no_residual_exceeds_the_heights_of_the_points():
     fitted = geometry.status == FitStatus.OK
     assert fitted.sum() > 500
     assert geometry.residual[fitted].max() < mean_edge_of(vertices, torus(resolution=36).faces)
+
+
+def torus_of_slivers():
+    """Marching cubes of a torus of radii 1 and 0.4: vertices on it, its faces, normals and mean curvature."""
+    pyvista = pytest.importorskip("pyvista")
+    axis = np.linspace(-1.6, 1.6, 28)
+    grid = pyvista.ImageData(dimensions=(28, 28, 28), spacing=[axis[1] - axis[0]] * 3, origin=[-1.6] * 3)
+    x, y, z = grid.points.T
+    found = grid.contour([0.0], np.hypot(np.hypot(x, y) - 1.0, z) - 0.4, method="flying_edges")
+    points = np.asarray(found.points, dtype=np.float64)
+    ring = points * [1.0, 1.0, 0.0]
+    ring /= np.linalg.norm(ring, axis=1, keepdims=True)
+    normals = (points - ring) / np.linalg.norm(points - ring, axis=1, keepdims=True)
+    across = (normals * ring).sum(axis=1)
+    curvature = 0.5 * (2.5 + across / (1.0 + 0.4 * across))
+    return ring + 0.4 * normals, found.faces.reshape(-1, 4)[:, 1:].astype(np.int32), normals, curvature
+
+
+def test_slivers_with_noise_in_all_directions_keep_their_neighbourhoods():
+    """Noise flips the normals of thin faces, and narrow neighbourhoods of such vertices are mostly noise."""
+    exact, faces, normals, curvature = torus_of_slivers()
+    noise = 0.2 * mean_edge_of(exact, faces) * np.random.default_rng(0).normal(size=exact.shape)
+    found = estimate_vertex_geometry(exact + noise, faces)
+    sign = np.sign((found.normals * normals).sum())
+    error = np.abs(sign * found.mean_curvature - curvature) / curvature.mean()
+    assert error.max() < 2.0
+    assert np.sqrt(np.mean(error**2)) < 0.3
+    assert (found.status == FitStatus.OTHER_PLANE).sum() > 50
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_noise_on_a_part_at_a_border(seed):
+    """The wide neighbourhoods of the part have few points there."""
+    sheet = waves(resolution=45, jitter=0.2)
+    distance = np.linalg.norm(sheet.vertices - sheet.vertices.min(axis=0) * [1.0, 1.0, 0.0], axis=1)
+    is_noisy, edge = distance < np.quantile(distance, 0.2), mean_edge_of(sheet.vertices, sheet.faces)
+    heights = 0.3 * edge * np.random.default_rng(seed).normal(size=len(distance))
+    errors = []
+    for of_vertices in (is_noisy, np.full(len(distance), True)):
+        vertices = sheet.vertices + (heights * of_vertices)[:, np.newaxis] * sheet.normals
+        found = estimate_vertex_geometry(vertices, sheet.faces).mean_curvature
+        errors.append(np.sqrt(np.mean((found - sheet.mean_curvature)[is_noisy] ** 2)))
+    assert errors[0] < 2.5 * errors[1]
