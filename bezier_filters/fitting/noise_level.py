@@ -8,8 +8,10 @@ from bezier_filters.fitting.mesh_neighbourhoods import mesh_neighbourhoods
 from bezier_filters.meshes.prepared_mesh import PreparedMesh
 from bezier_filters.noise.neighbourhoods import Neighbourhoods
 from bezier_filters.noise.noise_model import NoiseModel, rescale_noise
+from bezier_filters.sampling.ring_analysis import analyse_rings
 from bezier_filters.surface_model.fit_options import FitOptions
-from bezier_filters.surface_model.learn import explain_unknown_surface, learn_without_outliers
+from bezier_filters.surface_model.learn import explain_unknown_surface, learn_surface, learn_without_outliers
+from bezier_filters.surface_model.model_tree import separate_magnitudes
 
 # standard deviation of the noise over the mean edge, above which angles of flat edges look sharp: less noise turns a
 # face by 5 degrees at most
@@ -17,6 +19,7 @@ MIN_MASKING_NOISE = 0.02
 # largest standard deviation of the noise over the mean edge: noise makes edges at least 2 / sqrt(pi) times its standard
 # deviation long, so larger estimates come from coarse shape
 MAX_NOISE_PER_EDGE = 0.5 * np.sqrt(np.pi)
+RESIDUAL_RINGS, RESIDUAL_SAMPLES = 3, 400  # neighbourhoods in whose residuals the noise of a part is looked for
 
 
 def learn_mesh_noise(mesh: PreparedMesh, sigma: float | None = None, robust: bool | None = None) -> NoiseModel | None:
@@ -38,13 +41,33 @@ def estimate_noise(
     """Estimate the noise as `learn_mesh_noise`, in memory or in tiles."""
     if sigma == 0.0:
         return NoiseModel(0.0)
-    leaf = learn_without_outliers(source, FitOptions(robust=robust), only_noise=True)
+    options = FitOptions(robust=robust)
+    leaf = learn_without_outliers(source, options, only_noise=True)
     learned = None if leaf is None else leaf.surface.noise
+    if learned is not None and not learned.outliers and learned.sigma <= MIN_MASKING_NOISE * mean_edge:
+        of_part = _noise_of_part(source, options)
+        learned = of_part if of_part is not None and of_part.sigma > MIN_MASKING_NOISE * mean_edge else learned
     if learned is not None and learned.sigma > MAX_NOISE_PER_EDGE * mean_edge:
         learned = None
     if learned is not None and robust is False:
         learned = replace(learned, outliers=0.0)
     return learned if sigma is None else rescale_noise(learned, sigma)
+
+
+def _noise_of_part(source: Neighbourhoods, options: FitOptions) -> NoiseModel | None:
+    """The white noise of the part of the surface where residuals are large; None if they are not noise.
+
+    Where there is noise wider rings are better; where residuals are shape, narrower ones are.
+    """
+    sample = source.sample(source.draw(RESIDUAL_SAMPLES), RESIDUAL_RINGS, "plain")
+    found = analyse_rings(sample, {RESIDUAL_RINGS: RESIDUAL_SAMPLES}, vertex_count=source.vertex_count)
+    if not found:
+        return None
+    residuals = np.sqrt(found[0].sums.residuals[:, -1] / np.maximum(found[0].sums.freedom[:, -1], 1.0))
+    part = learn_surface(source, options, at=found[0].centers[residuals > separate_magnitudes(residuals)])
+    if part is None or part.chosen.rings <= RESIDUAL_RINGS or part.surface.noise.sills:
+        return None
+    return part.surface.noise
 
 
 def is_noisy(mesh: PreparedMesh, sigma: float | None) -> bool:
