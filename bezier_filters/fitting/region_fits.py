@@ -11,6 +11,7 @@ import numpy as np
 
 from bezier_filters.arrays import ByteArray, FloatArray, IntArray
 from bezier_filters.fitting.fallbacks import fit_with_fallbacks, overall_progress, spec_chain
+from bezier_filters.fitting.outlier_removal import MIN_DEVIATION_PER_EDGE
 from bezier_filters.fitting.surface_fit import SurfaceFit
 from bezier_filters.fitting.vertex_geometry import FitChoice, FitPart, VertexGeometry, arrays_of
 from bezier_filters.kernels.graph_geometry import bound_errors
@@ -84,7 +85,8 @@ def _grow_by_residuals(
     """Grow the tree, and split off the vertices with large residuals, if a fit of their own is better there."""
     wider = learn_at if whole.analyses[-1].rings < CANDIDATE_RINGS[-1] else None
     tree = grow_tree(whole, vertices, features, options, wider)
-    residuals = features[:, RESIDUAL_FEATURE]
+    edge = whole.chosen.radius / whole.chosen.rings
+    residuals = np.maximum(features[:, RESIDUAL_FEATURE], MIN_DEVIATION_PER_EDGE * edge)  # on planes they are rounding
     noise = whole.surface.noise
     explains = bool(np.quantile(residuals, CALM_QUANTILE) <= MIN_MISFIT_RATIO * noise.sigma)
     if explains:

@@ -154,7 +154,8 @@ def grow_tree(
     if len(leaves_) < len(parts):
         return root
     gains = [log_error_reduction(root.chosen, leaf) for leaf in leaves_]
-    sizes = [int(side.sum()) for side in sides]
+    sampled = np.searchsorted(vertices, max((part.centers for part in root.analyses), key=len))
+    sizes = [int(side[sampled].sum()) for side in sides]
     min_gain = MIN_CORRELATED_SPLIT_GAIN if root.surface.noise.sills else MIN_SPLIT_GAIN
     if sum(s * n for s, n in zip(gains, sizes, strict=True)) <= min_gain * sum(sizes):
         return root
