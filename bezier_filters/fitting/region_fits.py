@@ -42,6 +42,8 @@ from bezier_filters.surface_model.model_tree import (
 
 PROBE_COUNT = 2000  # vertices with features: a small region hardly shows in the sample of the model
 MIN_MISFIT_RATIO = 1.4  # residuals of this many standard deviations of the noise and more are large
+# largest fraction of large residuals where noise explains the others: if there are more, the sample has enough of them
+MAX_MISFIT_FRACTION = 0.3
 # Quantile of the residuals: if even that is large, they are shape, or noise of a part. With 0.5 a torus with ten times
 # the noise on one half gets standard errors 2.7 times too large on the other; 0.125 decides alike.
 CALM_QUANTILE = 0.25
@@ -88,22 +90,22 @@ def _grow_by_residuals(
     edge = whole.chosen.radius / whole.chosen.rings
     residuals = np.maximum(features[:, RESIDUAL_FEATURE], MIN_DEVIATION_PER_EDGE * edge)  # on planes they are rounding
     noise = whole.surface.noise
-    explains = bool(np.quantile(residuals, CALM_QUANTILE) <= MIN_MISFIT_RATIO * noise.sigma)
-    if explains:
+    is_explained = bool(np.quantile(residuals, CALM_QUANTILE) <= MIN_MISFIT_RATIO * noise.sigma)
+    if is_explained:
         threshold = MIN_MISFIT_RATIO * max(leaf.surface.sigma for leaf in leaves(tree))
     else:
         threshold = separate_magnitudes(residuals)
-    is_high = residuals > threshold
-    if is_high.sum() < MIN_SPLIT_SAMPLES:
+    is_misfit = residuals > threshold
+    if is_misfit.sum() < MIN_SPLIT_SAMPLES or (is_explained and is_misfit.mean() > MAX_MISFIT_FRACTION):
         return tree
-    high, min_gain = learn_at(vertices[is_high]), MIN_CORRELATED_SPLIT_GAIN if noise.sills else MIN_MISFIT_GAIN
-    if high is None:
+    misfits, min_gain = learn_at(vertices[is_misfit]), MIN_CORRELATED_SPLIT_GAIN if noise.sills else MIN_MISFIT_GAIN
+    if misfits is None:
         return tree
-    gain = log_error_reduction(whole.chosen, high)
+    gain = log_error_reduction(whole.chosen, misfits)
     # if the leaf lacks the ring of the first fit, neighbourhoods of that width fold under the noise
-    if gain <= min_gain and not (gain == -np.inf and explains):
+    if gain <= min_gain and not (gain == -np.inf and is_explained):
         return tree
-    own = grow_tree(high, vertices[is_high], features[is_high], options, wider, MAX_TREE_DEPTH - 1)
+    own = grow_tree(misfits, vertices[is_misfit], features[is_misfit], options, wider, MAX_TREE_DEPTH - 1)
     return Split(RESIDUAL_FEATURE, threshold, tree, own)
 
 

@@ -15,7 +15,7 @@ from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.meshlab.meshset import bunny_path
 from bezier_filters.surface_model.fit_options import FitOptions
 from bezier_filters.surface_model.learn import learn_surface
-from bezier_filters.surfaces import bumpy_star, ellipsoid, sphere, torus
+from bezier_filters.surfaces import bumpy_star, ellipsoid, sphere, torus, waves
 from survivors import keep_survivors
 
 
@@ -154,3 +154,13 @@ def test_noise_on_a_part_costs_no_more_accuracy_than_the_same_noise_everywhere(m
     everywhere, _ = error(np.full(10242, 0.1))
     assert of_part < 1.5 * everywhere
     assert inside > 0.75
+
+
+def test_shape_that_leaves_large_residuals_is_not_split_off_as_noise():
+    """Coarse exact surfaces: a third to a half of their residuals are large against the least ones."""
+    flat = ellipsoid(semi_axes=(1.0, 1.0, 0.2), resolution=12, jitter=0.2, seed=2)
+    curved = waves(amplitude=0.3, wavelength=0.4, resolution=70, jitter=0.1, seed=5)
+    for surface, degrees in ((flat, 0.7), (curved, 9.0)):
+        found = estimate_vertex_geometry(surface.vertices, surface.faces)
+        cosines = np.clip(np.einsum("ij,ij->i", found.normals, surface.normals), -1.0, 1.0)
+        assert np.sqrt(np.mean(np.degrees(np.arccos(cosines)) ** 2)) < degrees
