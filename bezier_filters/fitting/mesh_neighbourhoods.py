@@ -8,7 +8,7 @@ from bezier_filters.kernels.kernel_input import KernelMesh, prepare_kernel_mesh,
 from bezier_filters.meshes.prepared_mesh import PreparedMesh
 from bezier_filters.meshes.spatial_order import SpatialOrder
 from bezier_filters.noise.noise_model import NO_NOISE, NoiseModel
-from bezier_filters.noise.rounded_coordinates import may_be_rounded, rounding_noise
+from bezier_filters.noise.rounded_coordinates import rounding_noise
 from bezier_filters.runtime.cached_property import cached_property
 from bezier_filters.sampling.mesh_parts import sample_parts
 from bezier_filters.sampling.neighbourhood_samples import (
@@ -55,6 +55,6 @@ class MeshNeighbourhoods:
 
 def mesh_neighbourhoods(mesh: PreparedMesh, ordered: SpatialOrder | None = None) -> MeshNeighbourhoods:
     """Neighbourhoods of a mesh, which end at its sharp edges, unless these are stairs of rounded coordinates."""
-    rounding = rounding_noise(sample_parts(mesh).mesh) if may_be_rounded(mesh) else NO_NOISE
+    rounding = rounding_noise(sample_parts(mesh).mesh)
     arrays = prepare_kernel_mesh(mesh, ordered, with_barriers=rounding.variance == 0.0)
     return MeshNeighbourhoods(arrays, rounding=rounding)

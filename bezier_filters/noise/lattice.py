@@ -12,13 +12,13 @@ import numpy as np
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.meshes.mesh import TriangleMesh
 
-# Half and twice a constant decide alike on 36 turned masks, terrains, tubes, bricks and scans, but for half of
-# `MAX_COEFFICIENT`, with which masks are not recognised.
+# Half and twice a constant decide alike on 39 turned masks, terrains, tubes, bricks and scans, but for half of
+# `MAX_COEFFICIENT`, with which masks count as rounded along other axes, with half of their noise.
 
 MAX_EDGE_SAMPLE = 3_000  # edges looked at
 # largest share of distinct vectors among the edges: those of a lattice recur; tubes pass, but have no lattice
 MAX_DISTINCT_EDGES = 0.5
-POSITION_ERROR = 4.0 * float(np.finfo(np.float32).eps)  # of coordinates in files, over the largest one
+SINGLE_ERROR = 4.0 * float(np.finfo(np.float32).eps)  # bound of the rounding of differences in single precision
 MIN_PRECISION = 50.0  # shortest lattice vector over the error of an edge: shorter ones are not distinct from rounding
 MAX_COEFFICIENT = 2  # of reduced basis vectors in the axes: edges of voxels are sums of two diagonals
 MAX_COSINE = 1e-3  # of the angle between orthogonal vectors, whose directions have errors
@@ -74,7 +74,7 @@ def find_lattice(mesh: TriangleMesh) -> Lattice | None:
 
 
 def orthogonal_frames(lattice: Lattice) -> list[LatticeFrame]:
-    """Orthogonal vectors of a lattice with small coefficients, by ascending volume of their cells."""
+    """Triples of orthogonal vectors of a lattice with small coefficients, by ascending volume of their cells."""
     coefficients = np.array(list(product(range(-MAX_COEFFICIENT, MAX_COEFFICIENT + 1), repeat=3)))
     coefficients = coefficients[len(coefficients) // 2 + 1 :]  # one of each pair of opposite vectors
     coefficients = coefficients[np.gcd.reduce(coefficients, axis=1) == 1]
@@ -92,16 +92,11 @@ def orthogonal_frames(lattice: Lattice) -> list[LatticeFrame]:
     return [LatticeFrame(coefficients[rows], lengths[rows], axes[rows]) for rows in triples]
 
 
-def has_recurring_edges(mesh: TriangleMesh) -> bool:
-    """Whether many edges are the same vector, as those between the vertices of a lattice: a fast test."""
-    return len(_distinct_edges(mesh)[0]) > 0
-
-
 def _distinct_edges(mesh: TriangleMesh) -> tuple[FloatArray, float]:
     """Distinct vectors along edges (k, 3), without sign, and the error of their coordinates; none if nearly all are."""
     faces = mesh.faces[:: max(3 * len(mesh.faces) // MAX_EDGE_SAMPLE, 1)]
     vectors = np.concatenate([mesh.vertices[faces[:, k]] - mesh.vertices[faces[:, k - 1]] for k in range(3)])
-    error = POSITION_ERROR * float(np.abs(mesh.vertices).max(initial=0.0))
+    error = SINGLE_ERROR * float(np.abs(mesh.vertices[mesh.faces]).max(initial=0.0))
     cells = np.round(vectors / max(4.0 * error, np.finfo(np.float64).tiny))
     first = cells[np.arange(len(cells)), (cells != 0.0).argmax(axis=1)]
     _, rows = np.unique(cells * np.where(first < 0.0, -1.0, 1.0)[:, np.newaxis], axis=0, return_index=True)
@@ -111,7 +106,7 @@ def _distinct_edges(mesh: TriangleMesh) -> tuple[FloatArray, float]:
 def _lattice_basis(vectors: FloatArray, error: float) -> FloatArray | None:
     """Three short vectors (3, 3) of which all are integer combinations; None if there are none.
 
-    A vector that is none leaves a rest, which is shorter and belongs to the lattice as well.
+    If a vector is none, its remainder is shorter and belongs to the lattice as well.
     """
     known = vectors[np.argsort(np.square(vectors).sum(axis=1), kind="stable")]
     for _ in range(MAX_REFINEMENTS):
@@ -119,14 +114,13 @@ def _lattice_basis(vectors: FloatArray, error: float) -> FloatArray | None:
         if len(basis) < 3 or np.linalg.norm(basis, axis=1).min() < MIN_PRECISION * error:
             return None
         combination = vectors @ np.linalg.inv(basis)
-        rests = (combination - np.round(combination)) @ basis
-        sizes = np.linalg.norm(rests, axis=1)
+        remainders = (combination - np.round(combination)) @ basis
+        sizes = np.linalg.norm(remainders, axis=1)
         # errors add up over the basis vectors
         allowed = 2.0 * error * (1.0 + np.abs(combination).sum(axis=1))
         if (sizes <= allowed).all():
             return basis
-        rest = rests[sizes.argmax()]
-        known = np.concatenate([rest[np.newaxis], basis])
+        known = np.concatenate([remainders[[sizes.argmax()]], basis])
         known = known[np.argsort(np.square(known).sum(axis=1), kind="stable")]
     return None
 

@@ -17,9 +17,8 @@ import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray
 from bezier_filters.meshes.half_edges import mesh_edges
-from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.prepared_mesh import PreparedMesh
-from bezier_filters.noise.lattice import find_lattice, has_recurring_edges, orthogonal_frames
+from bezier_filters.noise.lattice import SINGLE_ERROR, find_lattice, orthogonal_frames
 from bezier_filters.noise.noise_model import NO_NOISE, NoiseModel
 
 # The tested meshes are 18 masks and terrains, and 11 bodies of bricks and real meshes. Where nothing else is said, half
@@ -28,7 +27,6 @@ from bezier_filters.noise.noise_model import NO_NOISE, NoiseModel
 MAX_STEP_SAMPLE = 20_000  # vertices of which the steps are found: a larger sample sees shorter steps
 # largest share of distinct values among the coordinates of an axis: steps of a twentieth of an edge and more have fewer
 MAX_DISTINCT_SHARE = 0.7
-SINGLE_ERROR = 4.0 * float(np.finfo(np.float32).eps)  # bound of the rounding of differences in single precision
 STEP_TOLERANCE = 1e-5  # of a multiple: error of the step itself, which is a difference of two coordinates
 # Share of vertices with a pair of coordinates of their own from which on it is a grid, and of vertices with one
 # coordinate half-way from which on it is a mask. With 0.5 some masks count as grids.
@@ -113,29 +111,22 @@ def describe_rounding(mesh: PreparedMesh) -> str:
     return f"stairs: {source}; this counts as noise, and the edges of the stairs are not sharp edges"
 
 
-def may_be_rounded(mesh: TriangleMesh) -> bool:
-    """Whether coordinates are multiples of a step, along the axes or others: a fast test."""
-    return bool((coordinate_steps(mesh.vertices) > 0.0).any()) or has_recurring_edges(mesh)
-
-
 def _find_rounding(mesh: PreparedMesh) -> Rounding | None:
     """How the coordinates are rounded, along the axes or else those of a lattice; None if there are no stairs."""
-    if not mesh.face_count or not mesh.barriers.any():
+    if not mesh.face_count:
         return None
+    found: Rounding | None = None
     if (coordinate_steps(mesh.vertices) > 0.0).any():
         found = _rounding_along(mesh, mesh.vertices, None)
-    elif (lattice := find_lattice(mesh)) is not None:
-        found = [
-            one
-            for frame in orthogonal_frames(lattice)
-            for one in _rounding_along(mesh, frame.coordinates(lattice.places), frame.axes)
-        ]
-    else:
+    elif mesh.barriers.any() and (lattice := find_lattice(mesh)) is not None:
+        for frame in orthogonal_frames(lattice):
+            along = _rounding_along(mesh, frame.coordinates(lattice.places), frame.axes)
+            found = along if found is None or (along is not None and along.is_mask) else found
+            if found is not None and found.is_mask:
+                break
+    if found is None or found.variance <= (MIN_STAIR_NOISE * mesh.mean_edge) ** 2 or not _has_risers(mesh):
         return None
-    best = next((one for one in found if one.is_mask), found[0] if found else None)
-    if best is None or best.variance <= (MIN_STAIR_NOISE * mesh.mean_edge) ** 2 or not _has_risers(mesh):
-        return None
-    return best
+    return found
 
 
 def coordinate_steps(vertices: FloatArray) -> FloatArray:
@@ -167,8 +158,8 @@ def _step(values: FloatArray) -> float:
     return step if is_multiple.all() else 0.0
 
 
-def _rounding_along(mesh: PreparedMesh, coordinates: FloatArray, axes: FloatArray | None) -> list[Rounding]:
-    """How the coordinates (n, 3) along some axes are rounded, if they are; the variance is a mean over the vertices.
+def _rounding_along(mesh: PreparedMesh, coordinates: FloatArray, axes: FloatArray | None) -> Rounding | None:
+    """How the coordinates (n, 3) along some axes are rounded; None if they are not. The variance is a mean.
 
     Axes of a sampling grid are not rounded. Of a vertex of a mask, only the coordinate half-way between voxels is, to
     the whole voxel.
@@ -178,23 +169,24 @@ def _rounding_along(mesh: PreparedMesh, coordinates: FloatArray, axes: FloatArra
     normals = normals if axes is None else normals @ axes.T
     steps = coordinate_steps(points)
     if not len(points) or not (steps > 0.0).any():
-        return []
+        return None
     rounded = _remove_grid_steps(points, steps)
     squares = np.square(normals * rounded)
     is_half_way = _half_way(points, steps) if (rounded > 0.0).all() else np.zeros(points.shape, dtype=np.bool_)
     is_mask = bool(np.mean(is_half_way.sum(axis=1) == 1) >= MIN_DISTINCT_PAIRS)
     if is_mask:
         squares = 4.0 * squares * is_half_way
-    return [Rounding(steps if is_mask else rounded, is_mask, float(squares.sum(axis=1).mean()) / 12.0, axes)]
+    return Rounding(steps if is_mask else rounded, is_mask, float(squares.sum(axis=1).mean()) / 12.0, axes)
 
 
 def _remove_grid_steps(points: FloatArray, steps: FloatArray) -> FloatArray:
     """The steps (3,) without those of a sampling grid, in which no two points (k, 3) share two coordinates."""
     rounded = steps.copy()
+    places = np.round((points - points.min(axis=0)) / np.where(steps > 0.0, steps, 1.0))
     for first, second in ((0, 1), (1, 2), (2, 0)):
         if steps[first] > 0.0 and steps[second] > 0.0:
-            pairs = np.round(points[:, [first, second]] / steps[[first, second]])
-            if len(np.unique(pairs, axis=0)) >= MIN_DISTINCT_PAIRS * len(points):
+            pairs = places[:, first] * (places[:, second].max() + 1.0) + places[:, second]  # one number for each pair
+            if len(np.unique(pairs)) >= MIN_DISTINCT_PAIRS * len(points):
                 rounded[[first, second]] = 0.0
     return rounded
 

@@ -8,10 +8,15 @@ from numba import config
 from scale_cases import assert_same_as_in_memory, save_arrays
 
 from bezier_filters import estimate_vertex_geometry, smooth, triangle_mesh
+from bezier_filters.fitting.mesh_neighbourhoods import mesh_neighbourhoods
 from bezier_filters.meshes.prepared_mesh import prepare_mesh
+from bezier_filters.meshes.spatial_order import sort_spatially
 from bezier_filters.noise.rounded_coordinates import coordinate_steps, rounding_noise
-from bezier_filters.scale import estimate_file, smooth_file
+from bezier_filters.sampling import mesh_parts
+from bezier_filters.scale import estimate_file, learn, smooth_file
 from bezier_filters.scale.source import open_source
+from bezier_filters.scale.store import build_store
+from bezier_filters.surface_model.fit_options import FitOptions
 from bezier_filters.surfaces import block_with_sharp_edges, cylinder, sphere, torus, waves
 from stairs import ball_mask, mask_boundary, terrain
 
@@ -160,3 +165,23 @@ def test_masks_in_tiles_are_as_in_memory(tmp_path):
     expected = smooth(vertices, faces)
     moved = open_source(tmp_path / "smooth.ply").vertices(0, len(vertices))
     assert np.abs(moved - expected.vertices).max() < 0.01 * expected.noise_before
+
+
+def test_unused_vertices_far_away_hide_no_turned_stairs():
+    vertices, faces = ball_mask(12)
+    found = noise_of(np.vstack([turned(vertices, 0), [1e5, 0.0, 0.0]]), faces)
+    assert found.sigma == pytest.approx(0.37 * noise_of(vertices, faces).sigma, rel=1e-3)
+
+
+def test_tiles_and_memory_find_the_same_rounding_in_parts_of_a_large_mesh(tmp_path, monkeypatch):
+    """One vertex lies between the steps, and no part contains it. Normals where parts are cut off may differ."""
+    monkeypatch.setattr(mesh_parts, "MAX_WHOLE_VERTICES", 1000)
+    for module in (mesh_parts, learn):
+        monkeypatch.setattr(module, "PART_VERTICES", 250)
+    vertices, faces, _, _ = terrain(1.0)
+    vertices[0, 2] += 0.37
+    store = build_store(open_source(save_arrays(tmp_path, vertices, faces)), tmp_path, 700)
+    ordered = sort_spatially(triangle_mesh(vertices, faces))
+    in_memory = mesh_neighbourhoods(prepare_mesh(ordered.mesh), ordered).rounding
+    assert in_memory.sigma > 0.2
+    assert learn.store_neighbourhoods(store, FitOptions()).rounding.sigma == pytest.approx(in_memory.sigma, rel=0.01)
