@@ -105,12 +105,14 @@ def last_resorts(rings: int) -> Iterator[FitAttempt]:
     )
 
 
-def spec_chain(specs: Sequence[FitSpec], chosen: FitSpec, radius: float | None = None) -> Iterator[FitAttempt]:
+def spec_chain(
+    specs: Sequence[FitSpec], chosen: FitSpec, radius: float | None = None, *, is_smoothed: bool = False
+) -> Iterator[FitAttempt]:
     """The chosen specification and its fallbacks: narrower rings where it folds, wider ones where it is ill posed.
 
-    A prior makes nearly every neighbourhood well posed, and noise folds a few faces of a wide one.
-    So these fits use the mean plane and tolerate a few flipped normals; in noise, where more are flipped, they follow
-    normals averaged over neighbours before they become narrower. If there is a radius, the
+    A prior makes nearly every neighbourhood well posed, and noise folds a few faces of a wide one. So these fits use
+    the mean plane and tolerate a few flipped normals. Where noise flips more, they follow normals averaged over
+    neighbours before they become narrower, unless all normals are averaged (`is_smoothed`). If there is a radius, the
     chosen specification belongs to its ball; the rings tried after a ball have few points, which get equal weights.
     """
     ill_posed, folded = frozenset({ILL_POSED}), frozenset({FOLDED_OVER})
@@ -131,7 +133,7 @@ def spec_chain(specs: Sequence[FitSpec], chosen: FitSpec, radius: float | None =
 
     fewest = int(MIN_POINT_FRACTION * chosen.points) if radius is None else 0
     yield replace(spec_attempt(FitStatus.OK, frozenset({UNTRIED}), chosen.rings, chosen, fewest), radius=radius)
-    if chosen.normal_noise > 0.0:
+    if chosen.normal_noise > 0.0 and not is_smoothed:
         smoothed = spec_attempt(FitStatus.OTHER_PLANE, folded, chosen.rings, chosen, fewest)
         yield replace(smoothed, radius=radius, smooth_normals=True)
     for spec in sorted((spec for spec in specs if spec.rings < chosen.rings), key=lambda spec: -spec.rings):

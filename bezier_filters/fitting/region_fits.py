@@ -78,7 +78,9 @@ def add_regions(
         tree = grow_tree(whole, vertices, features, options)
     else:
         tree = _grow_by_residuals(whole, vertices, features, options, learn_at)
-    return fit if isinstance(tree, Leaf) else replace(fit, regions=map_leaves(tree, partial(_region_fit, whole)))
+    if isinstance(tree, Leaf):
+        return fit
+    return replace(fit, regions=map_leaves(tree, partial(_region_fit, whole, is_smoothed=fit.smooth_normals)))
 
 
 def _grow_by_residuals(
@@ -121,7 +123,7 @@ def _discard_noise_excess(leaf: Leaf | None, whole: Leaf, options: FitOptions) -
     return fit_leaf(leaf.analyses, options, noise, heavy=noise.heavy)
 
 
-def _region_fit(whole: Leaf, leaf: Leaf) -> SurfaceFit:
+def _region_fit(whole: Leaf, leaf: Leaf, *, is_smoothed: bool = False) -> SurfaceFit:
     """Fit of a region: its own specification, or that of the whole if another fit is not worth its time."""
     before, spec, there = whole.chosen, leaf.chosen, predict_under_model(whole.chosen, leaf.surface)
     choice = FitChoice(spec.rings, spec.degree, None, leaf.surface.sigma)
@@ -132,7 +134,7 @@ def _region_fit(whole: Leaf, leaf: Leaf) -> SurfaceFit:
         if there.error <= spec.error * (1.0 + (spec.cost - spec.overhead) / there.cost) ** COST_EXPONENT:
             choice = replace(choice, rings=there.rings, degree=there.degree)
             return SurfaceFit(choice, (), error_ratios=ratios)
-    return SurfaceFit(choice, tuple(spec_chain(leaf.specs, spec)), error_ratios=ratios)
+    return SurfaceFit(choice, tuple(spec_chain(leaf.specs, spec, is_smoothed=is_smoothed)), error_ratios=ratios)
 
 
 def first_features(geometry: VertexGeometry, rows: IntArray) -> FloatArray:

@@ -60,8 +60,8 @@ def choose_fit(source: Neighbourhoods, options: FitOptions) -> tuple[SurfaceFit,
         robust = robust or (options.robust is None and noise.outliers > 0.0)
         if options.patch is None:
             choice = _add_noise(FitChoice(rings, whole.chosen.degree, None, None), noise)
-            attempts = tuple(spec_chain(whole.specs, whole.chosen))
             smooth_normals = noise.heavy or noise.outliers > DENSE_OUTLIER_SHARE
+            attempts = tuple(spec_chain(whole.specs, whole.chosen, is_smoothed=smooth_normals))
             return SurfaceFit(choice, attempts, smooth_normals, robust, cleaned=robust), whole
     rings = options.ring_count or rings
     fit = options.patch or patch_of_degrees(options.degrees)
@@ -85,7 +85,7 @@ def _choose_ball_fit(source: Neighbourhoods, options: FitOptions) -> tuple[Surfa
     if leaf is not None:
         noise = leaf.surface.noise
         choice = _add_noise(FitChoice(0, leaf.chosen.degree, None, None, radius=radius), noise)
-        attempts = tuple(spec_chain(leaf.specs, leaf.chosen, radius))
+        attempts = tuple(spec_chain(leaf.specs, leaf.chosen, radius, is_smoothed=noise.heavy))
         return SurfaceFit(choice, attempts, noise.heavy, robust), leaf
     fit = options.patch or patch_of_degrees(options.degrees)
     choice = FitChoice(0, fit.degree, fit.alpha, None, radius=radius)
