@@ -34,8 +34,8 @@ def meshlab(name: str, **options: object) -> Smoother:
     return smooth
 
 
-def implicit_fairing(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Desbrun et al. 1999: one implicit step of mean curvature flow over a squared mean edge, then the old volume."""
+def implicit_fairing(vertices: np.ndarray, faces: np.ndarray, edges: float = 1.0) -> np.ndarray:
+    """Desbrun et al. 1999: one implicit step of mean curvature flow over `edges` squared mean edges, the old volume."""
     n = len(vertices)
     rows, columns, weights = [], [], []
     areas = np.zeros(n)
@@ -52,11 +52,18 @@ def implicit_fairing(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
         (np.concatenate(weights), (np.concatenate(rows), np.concatenate(columns))), shape=(n, n)
     ).tocsr()
     stiffness = diags_array(adjacency.sum(axis=1)) - adjacency
-    time = np.linalg.norm(vertices[faces[:, 0]] - vertices[faces[:, 1]], axis=1).mean() ** 2
+    time = edges * np.linalg.norm(vertices[faces[:, 0]] - vertices[faces[:, 1]], axis=1).mean() ** 2
     system = eye_array(n) + time * diags_array(1.0 / np.maximum(areas, 1e-300)) @ stiffness
     result = spsolve(system.tocsc(), vertices)
+    if is_open(faces):
+        return result
     center = result.mean(axis=0)
     return center + (volume(vertices, faces) / volume(result, faces)) ** (1.0 / 3.0) * (result - center)
+
+
+def is_open(faces: np.ndarray) -> bool:
+    edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
+    return bool((np.unique(edges, axis=0, return_counts=True)[1] == 1).any())
 
 
 def volume(vertices: np.ndarray, faces: np.ndarray) -> float:
@@ -92,6 +99,48 @@ def meshlib_quadric(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     options.surfaceDilateRadius = 2.0 * np.linalg.norm(vertices[faces[:, 0]] - vertices[faces[:, 1]], axis=1).mean()
     mrmeshpy.relaxApprox(mesh, options)
     return mrmeshnumpy.getNumpyVerts(mesh)
+
+
+def windowed_sinc(steps: int, band: float) -> Smoother:
+    """VTK's filter of Taubin, Zhang and Golub 1996."""
+
+    def smooth(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+        import pyvista
+
+        mesh = pyvista.PolyData(vertices, np.insert(faces, 0, 3, axis=1))
+        return np.asarray(mesh.smooth_taubin(n_iter=steps, pass_band=band, non_manifold_smoothing=True).points)
+
+    return smooth
+
+
+def settings() -> dict[str, Smoother]:
+    """Other filters from weak to strong, by name, as far as they can run here."""
+    taubin, laplacian, hc = (f"apply_coord_{name}_smoothing" for name in ("taubin", "laplacian", "hc_laplacian"))
+    found = {f"MeshLab Taubin, {n} steps": meshlab(taubin, stepsmoothnum=n) for n in (5, 10, 20, 50, 100, 200)}
+    found |= {f"MeshLab Laplacian, {n} steps": meshlab(laplacian, stepsmoothnum=n) for n in (1, 2, 5)}
+    found |= {"MeshLab HC Laplacian": meshlab(hc)}
+    found |= {
+        f"MeshLab two steps, {n} steps, {angle} degrees": meshlab(
+            "apply_coord_two_steps_smoothing", stepsmoothnum=n, normalthr=angle
+        )
+        for n in (3, 10)
+        for angle in (30, 60)
+    }
+    found |= {
+        f"implicit fairing, {edges:g} squared edges": lambda v, f, edges=edges: implicit_fairing(v, f, edges)
+        for edges in (0.3, 1.0, 3.0, 10.0)
+    }
+    for module, its in {
+        "pyvista": {f"windowed sinc, band {b:g}": windowed_sinc(50, b) for b in (0.3, 0.1, 0.03, 0.01, 0.003)},
+        "meshlib": {"meshlib denoise": meshlib_denoise, "meshlib quadric relax": meshlib_quadric},
+    }.items():
+        try:
+            import_module(module)
+        except ImportError as error:
+            print(f"{module} is left out: {error}")
+        else:
+            found |= its
+    return found
 
 
 def smoothers() -> dict[str, Smoother]:

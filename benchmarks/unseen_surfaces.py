@@ -5,6 +5,7 @@ Derivatives come from arithmetic with Taylor polynomials of degree 2, so that a 
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -152,10 +153,16 @@ class Chart:
         jets = self.position(*Jet.variables(parameters))
         return np.stack([x.value for x in jets], axis=1), np.stack([x.slope for x in jets], axis=1)
 
+    @cached_property
+    def lattice(self) -> tuple[np.ndarray, cKDTree]:
+        """Parameters of a grid and a tree of its points."""
+        parameters = np.indices((GRID, GRID)).reshape(2, -1).T * np.array(self.size) / (GRID - 1)
+        return parameters, cKDTree(self.points(parameters))
+
     def nearest(self, points: np.ndarray) -> np.ndarray:
         """Parameters of the nearest points of the surface, which may lie a little beyond the border."""
-        lattice = np.indices((GRID, GRID)).reshape(2, -1).T * np.array(self.size) / (GRID - 1)
-        found = lattice[cKDTree(self.points(lattice)).query(points)[1]]
+        lattice, tree = self.lattice
+        found = lattice[tree.query(points)[1]]
         for _ in range(NEWTON_STEPS):
             at, tangents = self.tangents(found)
             normal = np.einsum("nij,nik->njk", tangents, tangents)
