@@ -6,7 +6,7 @@ A cell is a surface, a triangulation and a kind of data, as in unseen.py. Scores
 vertices from the surface, in mean edges, and mean angle between the faces and the surface at their centers, degrees.
 For both the peer is the filter, with the setting, whose score in that cell is best: it is chosen by the truth, ours is
 the default. Vertices and faces less than three edges from a border are left out. `/ input` are the scores over those of
-the data. `moved` is the largest distance that a vertex moves, over the noise that is reported there.
+the data, `noise` is the learned one and `moved` the largest distance that a vertex moves, both in mean edges.
 """
 
 import argparse
@@ -32,7 +32,7 @@ RESULTS = Path(__file__).parent / "results"
 SCORES = ("distance", "angle")
 NEGLIGIBLE = (1e-3, 0.05)
 """Scores that count as this much in ratios."""
-PLACES = 400
+PLACES = 1000
 """Vertices, and faces, whose distances and angles are measured."""
 MAX_HARM = 1.02
 """Ratio to the score of the data up to which a result is no worse."""
@@ -81,6 +81,7 @@ class Judge:
         return self.shape.sample(self.shape.nearest(points), np.zeros((0, 3), np.int32))
 
     def scores(self, vertices: np.ndarray) -> list[float]:
+        """Distance and angle."""
         places, faces = vertices[self.places], self.faces[self.face_places]
         distance = rms(np.linalg.norm(places - self.nearest(places).vertices, axis=1)) / self.edge
         truth = self.nearest(vertices[faces].mean(axis=1)).normals

@@ -29,7 +29,7 @@ def noise_free_surface(mesh: PreparedMesh, noise: NoiseModel) -> tuple[PreparedM
     Barriers are vertices with two sharp edges or more where smoothing chose sharp estimates (see `smooth`). Coarse
     round shapes have edges with large angles, too, but no lines that fits should not cross.
     """
-    found = denoise_mesh(mesh, noise, SmoothingOptions())
+    found = denoise_mesh(mesh, noise, SmoothingOptions(repeats=False))
     surface = mesh.move(repair_flipped_faces(mesh, found.points))
     edges = mesh_edges(surface)
     sharp = sharp_edges(surface, edges, surface.adjacency)

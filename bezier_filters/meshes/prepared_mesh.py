@@ -67,3 +67,13 @@ def longest_edges(mesh: PreparedMesh) -> FloatArray:
     if len(has_edges):
         longest[has_edges] = np.maximum.reduceat(edge_lengths(mesh, mesh.adjacency), rows.indptr[has_edges])
     return longest
+
+
+def mean_square_edges(mesh: PreparedMesh) -> FloatArray:
+    """Mean squared length of the edges at every vertex, (n,); 0 without any."""
+    rows, result = mesh.adjacency.vertices, np.zeros(mesh.vertex_count)
+    has_edges = np.flatnonzero(rows.lengths)
+    if len(has_edges):
+        sums = np.add.reduceat(np.square(edge_lengths(mesh, mesh.adjacency)), rows.indptr[has_edges])
+        result[has_edges] = sums / rows.lengths[has_edges]
+    return result

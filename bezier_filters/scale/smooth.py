@@ -12,6 +12,7 @@ from bezier_filters.arguments import checks_arguments
 from bezier_filters.arrays import FloatArray, Report
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.fields import PREFIX, QUALITY
+from bezier_filters.fitting.noise_level import explain_no_noise
 from bezier_filters.fitting.surface_fit import SurfaceFit
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.prepared_mesh import prepare_mesh
@@ -54,11 +55,11 @@ from bezier_filters.smoothing.volume import (
     apply_moves,
     component_volumes,
     local_movement,
+    omit_spikes,
     outward_moves,
     volume_steps,
 )
 from bezier_filters.surface_model.fit_options import FitOptions
-from bezier_filters.surface_model.learn import explain_unknown_surface
 
 DISPLACEMENT = PREFIX + "displacement"  # column of the displacement
 PAPER_OPTIONS = FitOptions(rings=2, alpha=0.8, smoothness="paper")  # as ``bezier_filters.smooth(..., method="paper")``
@@ -175,7 +176,7 @@ def _smooth_automatically(run: Run, iterations: int, options: SmoothingOptions, 
         here = known if step == 0 else surface.learn_noise()
         surface = denoise_surface(StoredSurface(common, surface.store), here, options)
         options = replace(options, sigma=None)
-        folders.append(surface.folder)
+        folders.extend(surface.folders)
     components, steps, volume_before = common.components, None, None
     if components is not None and surface.done is not None:
         sums = _component_sums(surface.done.tiles, components.count)
@@ -189,7 +190,7 @@ def _smooth_automatically(run: Run, iterations: int, options: SmoothingOptions, 
     run.write(done.tiles)
     warnings = []
     if known is None and not any(tile.rows()[DISPLACEMENT].any() for tile in done.tiles):
-        warnings = [unknown_noise(explain_unknown_surface(store_neighbourhoods(mesh, FitOptions())))]
+        warnings = [unknown_noise(explain_no_noise(store_neighbourhoods(mesh, FitOptions())))]
     return run.report() | {
         "iterations": iterations,
         "quality": DISPLACEMENT,
@@ -234,7 +235,7 @@ def finish_tile(
     points = smoothed.coordinates_of(part.ids)
     components, numbers = (None, None) if stored is None else stored.select(part.ids)
     if components is not None and steps is not None and components.count:
-        amounts = local_movement(mesh, points) * movable_vertices(mesh, fixed)
+        amounts = local_movement(omit_spikes(mesh, points), points) * movable_vertices(mesh, fixed)
         of_components = np.array(steps.memory_map()[numbers])
         points = apply_moves(components, points, of_components, outward_moves(mesh.move(points), amounts))
     points = repair_flipped_faces(mesh, points)

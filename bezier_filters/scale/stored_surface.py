@@ -38,7 +38,7 @@ from bezier_filters.smoothing.impulses import Impulses, remove_impulses
 from bezier_filters.smoothing.noise import ROUGHNESS_RINGS, roughest_vertices, roughness
 from bezier_filters.smoothing.rounds import move_mesh_outliers, unfold_surface
 from bezier_filters.smoothing.sliding import SLIDING_RINGS
-from bezier_filters.smoothing.volume import component_volumes, local_movement, outward_moves, volumes_along
+from bezier_filters.smoothing.volume import component_volumes, local_movement, omit_spikes, outward_moves, volumes_along
 
 SHARPNESS = PREFIX + "sharpness"  # column of the weight of sharp estimates
 # halo for the repair of flipped faces: a few times `REPAIR_RINGS` of `smoothing.flipped_faces`
@@ -65,7 +65,7 @@ class StoredSurface:
     store: Store  # with the coordinates of this surface
     outlier_rounds: int = 0
     done: Round | None = None  # the round that removed its noise
-    folder: Path = Path()  # results of that round
+    folders: tuple[Path, ...] = ()  # results of the rounds that removed it
     reach: int = 0  # rings of its halo
 
     def learn_noise(self, sigma: float | None = None, robust: bool | None = None) -> NoiseModel | None:
@@ -112,7 +112,7 @@ class StoredSurface:
         components, fixed = common.components if common.is_last else None, options.borders == "fixed"
         job = partial(smooth_tile, run.store, store, plan, reach, fixed, unfold, components)
         smooth, done = run_round(run, "smooth", folder, job)
-        return replace(self, store=smooth, done=done, folder=folder, reach=reach)
+        return replace(self, store=smooth, done=done, folders=(*self.folders, folder), reach=reach)
 
     def remove_impulses(self, smooth: "StoredSurface", impulses: Impulses) -> "StoredSurface":
         """The measured surface without the impulses that a smooth one shows."""
@@ -217,7 +217,7 @@ def smooth_tile(
     rows = table_of(points[own], {SHARPNESS: sharpness[own]})
     sums: dict[str, list[float]] = {}
     if stored is not None:
-        before = mesh.move(first.coordinates_of(part.ids))
+        before = omit_spikes(mesh.move(first.coordinates_of(part.ids)), points)
         components, numbers = stored.select(part.ids)
         moves = outward_moves(mesh.move(points), local_movement(before, points) * movable)
         of_tile = mesh.faces[part.faces_of_tile()]

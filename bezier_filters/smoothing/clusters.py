@@ -9,7 +9,7 @@ near its cut. In the order of the vertex numbers a center would depend on all ve
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -25,6 +25,9 @@ from bezier_filters.smoothing.laplacian import Laplacian
 from bezier_filters.smoothing.random_noise import random_bits
 
 AVERAGING_TIME = 100.0  # diffusion time, squared edges, over which noise, rates and risks are averaged
+# effective number of vertices in a local mean on a regular mesh, the reciprocal of the sum of the squared weights, over
+# the diffusion time
+AVERAGED_VERTICES_PER_TIME = 7.26
 CLUSTER_STREAM = 100  # stream of the vertex hashes that order the clusters
 
 
@@ -37,6 +40,22 @@ class Clusters:
     neighbours: Rows  # of the vertices
     laplacian: Laplacian  # diffusion between clusters
     time_scale: float  # diffusion time on clusters over that on the mesh for the same length
+
+    def separate(self, values: FloatArray, width: float) -> "Clusters":
+        """The same clusters with less diffusion between those whose mean values, from (n,), are far apart.
+
+        Weights are multiplied by exp(-d^2 / 2) for a difference of d widths.
+        """
+        at, laplacian = self.means([values])[:, 0], self.laplacian
+        lengths = np.diff(laplacian.indptr)
+        apart = (at[laplacian.indices] - np.repeat(at, lengths)) / width
+        weights = laplacian.weights * np.exp(-0.5 * np.square(apart))
+        of_entry = np.repeat(np.arange(len(at)), lengths)
+        kept = np.bincount(of_entry, weights, len(at))
+        weights /= np.where(kept > 0.0, kept, 1.0)[of_entry]
+        rates = laplacian.rates * kept
+        single = laplacian._replace(weights=weights.astype(np.float32), rates=rates.astype(np.float32))
+        return replace(self, laplacian=single)
 
     def means(self, columns: Iterable[RealArray]) -> FloatArray:
         """Means of columns of values at vertices, each (n,), over each cluster, (k, c)."""

@@ -15,12 +15,16 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 
-from bezier_filters.arrays import FloatArray, SingleArray
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray, SingleArray
+from bezier_filters.fitting.noise_level import learn_noise_at
 from bezier_filters.meshes.prepared_mesh import PreparedMesh
 from bezier_filters.noise.noise_model import NoiseModel
 from bezier_filters.runtime.parallel import Progress, report
 from bezier_filters.sampling.mesh_parts import MAX_WHOLE_VERTICES, MeshPart, sample_parts, whole_mesh
+from bezier_filters.smoothing.borders import learn_border_noise, restrict_borders
 from bezier_filters.smoothing.clusters import Clusters, clusters_of
 from bezier_filters.smoothing.laplacian import Borders, umbrella_laplacian
 from bezier_filters.smoothing.low_pass import (
@@ -52,7 +56,7 @@ from bezier_filters.smoothing.risk import (
     overall_risks,
     select_estimates,
 )
-from bezier_filters.smoothing.sliding import TangentialMotion, choose_sliding, restrict_to_normals
+from bezier_filters.smoothing.sliding import TangentialMotion, choose_sliding, limit_moves, restrict_to_normals
 
 # kinds of estimates: the low-pass filter; one bilateral round after a slightly weaker low-pass filter; sharp ones
 LOW_PASS_KIND, WEAK_BILATERAL_KIND = 0, 1
@@ -69,6 +73,12 @@ MIN_RETAINED_GAIN = 3e-4  # the same for estimates that sharper ones may have re
 FADING_EXPONENT, AVERAGING_RINGS, RINGS_PER_ROUND = 7.5, 14, 1.25
 # kind of estimate up to which sharper kinds are tried without a gain: strong noise needs more rounds
 FIRST_SHARP_KIND = WEAK_BILATERAL_KIND + 1
+# Largest move of a vertex in standard deviations of its noise: of normal noise one in two millions is farther, so it is
+# shape. With 2.5 noise on a tenth of a sphere leaves .0250 edges instead of .0234, with 10 as much.
+MAX_MOVE_SIGMAS = 5.0
+# Vertices of a component below which the gain by smoothing, 1 +- sqrt(2) times the variance of the noise per vertex, is
+# less than three standard errors.
+MIN_COMPONENT_VERTICES = 18
 PROGRESS_STEPS = 6  # steps that `progress` reports
 
 
@@ -80,6 +90,8 @@ class SmoothingOptions:
     detail: float | None = None  # length of the shortest waves that keep half of their height
     relax: bool = False  # whether all vertices slide along the surface, see `sliding`
     sigma: float | None = None  # known standard deviation of the noise along the normal, a length
+    # whether what remains of noise in all directions is removed again: it makes faces flatter and sharp edges rounder
+    repeats: bool = True
 
 
 @dataclass(frozen=True)
@@ -105,6 +117,8 @@ class SmoothingPlan:
     noise_factor: float  # ratio of the actual to the assumed standard deviation of the noise
     overall: FloatArray  # (kinds,): risks of these estimates, see `overall_risks`
     sliding: TangentialMotion
+    # standard deviation of the noise across the border, a length; None if its moves are not restricted
+    border_sigma: float | None
 
 
 @dataclass(frozen=True)
@@ -113,6 +127,7 @@ class DenoisedMesh:
 
     points: FloatArray  # (n, 3): coordinates
     sharpness: FloatArray  # (n,): 0 where the smooth estimates were used, 1 where the sharpest one was used
+    noise: FloatArray  # (n,): standard deviation of the noise, a length; 0 where nothing is known to be noise
 
 
 def remove_noise(
@@ -132,7 +147,8 @@ def remove_noise(
     shown = progress if is_whole else None
     learned = learn_and_denoise(parts, noise, options, progress=shown)
     if learned is None:
-        return DenoisedMesh(mesh.vertices.copy(), np.zeros(mesh.vertex_count))
+        n = mesh.vertex_count
+        return DenoisedMesh(mesh.vertices.copy(), np.zeros(n), np.full(n, noise.sigma))
     plan, result = learned
     if is_whole:
         return result
@@ -159,7 +175,12 @@ def learn_and_denoise(
     laplacian = umbrella_laplacian(part, "free")
     correlation = Correlation.calibrate(noise, unit / scale, part.ids, laplacian, parts.core)
     noisy = NoisyMesh(part, clusters_of(part), np.full(len(part.ids), sigma), correlation, laplacian)
-    levels, at_vertices = learn_noise_levels(noisy, laplacian, sigma, unit, given=noise.given)
+
+    def noise_at(vertices: IntArray) -> tuple[float, float] | None:
+        there = learn_noise_at(parts.mesh, vertices)
+        return None if there is None else (there[0] * scale, there[1])
+
+    levels, at_vertices = learn_noise_levels(noisy, laplacian, sigma, unit, noise_at, given=noise.given)
     noisy = replace(noisy, sigma=at_vertices)
     report(progress, 1, PROGRESS_STEPS)
     detail = None if options.detail is None else options.detail * scale
@@ -173,8 +194,8 @@ def learn_and_denoise(
     risks = np.zeros((len(clusters.sizes), 1))
     for candidate in others:
         tried = [*found, candidate]
-        tried_factor = noise_factor(_stack_estimates(tried), parts.core)
-        estimates = _stack_estimates(tried, tried_factor)
+        tried_factor = noise_factor(_stack_estimates(noisy, tried), parts.core)
+        estimates = _stack_estimates(noisy, tried, tried_factor)
         overall = overall_risks(estimates, parts.core)
         these = local_risks(clusters, estimates, overall, correlation.variance_inflation)
         if mean_gain(clusters, these, -1) > MIN_RISK_GAIN:
@@ -183,15 +204,17 @@ def learn_and_denoise(
             break
     # Estimates that were better than weaker ones may not be better than sharper ones.
     found = [found[k] for k in select_estimates(clusters, risks, MIN_RETAINED_GAIN)]
-    overall = overall_risks(_stack_estimates(found, factor), parts.core)
+    overall = overall_risks(_stack_estimates(noisy, found, factor), parts.core)
     kinds = tuple(candidate.kind for candidate in found)
     result = _mixture(parts.mesh, noisy, found, factor, overall, scale)
     sliding = TangentialMotion.ALL
     if not options.relax:
         sliding = choose_sliding(parts, result.points, at_vertices / scale)
-    plan = SmoothingPlan(center, scale, clusters.time_scale, levels, low_pass, kinds, factor, overall, sliding)
+    # where noise turns faces over, normals of the border are unknown
+    across = None if noise.heavy else learn_border_noise(parts, noise.sigma)
+    plan = SmoothingPlan(center, scale, clusters.time_scale, levels, low_pass, kinds, factor, overall, sliding, across)
     report(progress, PROGRESS_STEPS, PROGRESS_STEPS)
-    return plan, replace(result, points=restrict_to_normals(parts.mesh, result.points, sliding))
+    return plan, _restrict(parts, result, plan)
 
 
 def denoise(
@@ -203,7 +226,7 @@ def denoise(
     """
     scaled = _normalise(part, plan.center, plan.scale)
     clusters = replace(clusters or clusters_of(scaled, plan.cluster_time_scale), time_scale=plan.cluster_time_scale)
-    correlation, at_vertices = plan.noise.correlation, local_sigma(scaled, clusters, plan.noise)
+    correlation, at_vertices = plan.noise.correlation, local_sigma(scaled, clusters, plan.noise, plan.low_pass.unit)
     laplacian = umbrella_laplacian(scaled, "free") if correlation.times else None
     noisy = NoisyMesh(scaled, clusters, at_vertices, correlation, laplacian)
     report(progress, 1, PROGRESS_STEPS)
@@ -211,7 +234,7 @@ def denoise(
     found = list(estimates)
     result = _mixture(part.mesh, noisy, found, plan.noise_factor, plan.overall, plan.scale)
     report(progress, PROGRESS_STEPS, PROGRESS_STEPS)
-    return replace(result, points=restrict_to_normals(part.mesh, result.points, plan.sliding))
+    return _restrict(part, result, plan)
 
 
 def halo_rings(plan: SmoothingPlan | None) -> int:
@@ -231,11 +254,32 @@ def _normalise(part: MeshPart, center: FloatArray, scale: float) -> MeshPart:
     return replace(part, mesh=part.mesh.move((part.mesh.vertices - center) * scale))
 
 
-def _stack_estimates(found: list[Candidate], factor: float = 1.0) -> Estimates:
+def _restrict(part: MeshPart, found: DenoisedMesh, plan: SmoothingPlan) -> DenoisedMesh:
+    """Restrict the moves of a mesh to its normals, to a multiple of the noise, and to components of enough vertices."""
+    sliding = plan.sliding
+    noise = np.where(_small_component_mask(part), 0.0, found.noise)
+    points = restrict_to_normals(part.mesh, found.points, sliding)
+    if plan.border_sigma is not None:
+        points = restrict_borders(part.mesh, points, plan.border_sigma, slides=sliding == TangentialMotion.ALL)
+    return replace(found, points=limit_moves(part.mesh.vertices, points, MAX_MOVE_SIGMAS * noise), noise=noise)
+
+
+def _small_component_mask(part: MeshPart) -> BoolArray:
+    """Vertices of components with too few vertices to distinguish noise from shape, (n,)."""
+    rows, n = part.mesh.adjacency.vertices, part.mesh.vertex_count
+    graph = csr_array((np.ones(len(rows.indices), np.int8), rows.indices, rows.indptr), shape=(n, n))
+    labels = connected_components(graph, directed=False)[1]
+    sizes = np.bincount(labels)
+    is_small = sizes < MIN_COMPONENT_VERTICES
+    is_small[labels[part.cut]] = False
+    return np.asarray(is_small[labels])
+
+
+def _stack_estimates(noisy: NoisyMesh, found: list[Candidate], factor: float = 1.0) -> Estimates:
     """Residuals and leverages of all estimates, for noise rescaled by a factor."""
     residuals = np.column_stack([candidate.residuals for candidate in found])
     leverages = np.column_stack([candidate.leverages for candidate in found])
-    return Estimates(residuals if factor == 1.0 else residuals / np.float32(factor), leverages)
+    return Estimates(residuals if factor == 1.0 else residuals / np.float32(factor), leverages, noisy.weights)
 
 
 def _mixture(
@@ -244,13 +288,12 @@ def _mixture(
     """Mix estimates by their risks around every vertex."""
     shares = np.ones((mesh.vertex_count, 1), dtype=np.float32)
     if len(found) > 1:
-        shares = shares_of(noisy, _stack_estimates(found, factor), overall)
+        shares = shares_of(noisy, _stack_estimates(noisy, found, factor), overall)
     points = mesh.vertices.copy()
     for k, candidate in enumerate(found):
         points += shares[:, [k]] * (candidate.moves / np.float64(scale))  # a scale that may exceed single precision
-    return DenoisedMesh(
-        points, np.einsum("ns,s->n", shares, np.array([KIND_SHARPNESS[candidate.kind] for candidate in found]))
-    )
+    sharpness = np.einsum("ns,s->n", shares, np.array([KIND_SHARPNESS[candidate.kind] for candidate in found]))
+    return DenoisedMesh(points, sharpness, noisy.sigma / scale)
 
 
 def candidates(
@@ -326,9 +369,9 @@ def _sharp_candidates(
             first + move_to_normals(_move(mesh, first), goal, movable)
             for first, goal in ((start, state.normals), (start + probe, state.probed_normals))
         )
-        residuals = (-np.einsum("ij,ij->i", moves, normals) / sigma).astype(np.float32)
+        residuals = (-np.einsum("ij,ij->i", moves, normals) / noisy.scale).astype(np.float32)
         probed -= moves
-        leverages = np.einsum("ij,ij->i", probed, normals) * signs / (PROBE_SIGMAS * sigma * squares)
+        leverages = np.einsum("ij,ij->i", probed, normals) * signs * sigma / (PROBE_SIGMAS * noisy.scale**2 * squares)
         del probed
         leverages = leverages.astype(np.float32)
         report(progress, min(2 + kind, PROGRESS_STEPS - 1), PROGRESS_STEPS)

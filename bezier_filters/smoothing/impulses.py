@@ -61,7 +61,7 @@ def learn_impulses(measured: FloatArray, smoothed: MeshPart) -> Impulses | None:
     smallest = np.finfo(np.float64).tiny
     every, normals = _heights(measured, mesh)
     every /= max(unit, smallest)
-    heights = every[smoothed.core]
+    heights = every[smoothed.core & (rows.lengths > 0)]
     square = float(np.square(heights).mean()) if len(heights) else 0.0
     if not square > RELIEF_PER_EDGE**2 or not np.mean(heights**4) > MIN_KURTOSIS * square**2:
         return None

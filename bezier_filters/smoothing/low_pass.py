@@ -127,9 +127,11 @@ def learn_low_pass(
     rough = part.mesh.planes.normals
     allowed = FILTER_STRENGTHS if detail is None else FILTER_STRENGTHS[max_strength(detail / unit) >= FILTER_STRENGTHS]
     usual = allowed[allowed <= MAX_STRENGTHS[DEFAULT_ORDER]]
-    first = int(_estimates(noisy, umbrella, DEFAULT_ORDER, usual, rough).mean_risks(core).argmin())
+    estimates = _estimates(noisy, umbrella, DEFAULT_ORDER, usual, rough)
+    first = int(estimates.mean_risks(core).argmin())
+    strongest = max(_strongest_local(noisy, estimates), first)
     smooth, normals = _smooth_shape(part, umbrella, first)
-    beyond = allowed[: first + SEARCH_EXTENSION + 1]
+    beyond = allowed[: strongest + SEARCH_EXTENSION + 1]
 
     def evaluate_family(power: float | None, laplacian: Laplacian, order: int) -> _FilterFamily:
         strengths = beyond[beyond <= MAX_STRENGTHS[order]]
@@ -146,7 +148,8 @@ def learn_low_pass(
     for order in FILTER_ORDERS[1:]:
         chosen = min(chosen, evaluate_family(chosen.power, chosen.laplacian, order), key=least_risk)
     laplacian, strengths, best = chosen.laplacian, chosen.strengths, int(chosen.risks.argmin())
-    near = list(range(max(best - SEARCH_HALF_WIDTH, 0), min(best + SEARCH_HALF_WIDTH + 1, len(strengths))))
+    top = max(best, _strongest_local(noisy, chosen.estimates))
+    near = list(range(max(best - SEARCH_HALF_WIDTH, 0), min(top + SEARCH_HALF_WIDTH + 1, len(strengths))))
     while True:
         estimates = chosen.estimates.subset(near)
         overall = overall_risks(estimates, core)
@@ -174,6 +177,19 @@ def learn_low_pass(
         overall,
     )
     return plan, _mixture(plan, laplacian, normals, estimates.residuals, shares)
+
+
+def _strongest_local(noisy: NoisyMesh, estimates: Estimates) -> int:
+    """Number of the strongest filter that is the best one at more than a few vertices."""
+    risks = local_risks(
+        noisy.clusters,
+        estimates,
+        overall_risks(estimates, noisy.part.core),
+        noisy.correlation.variance_inflation,
+    )
+    counts = np.bincount(risks.argmin(axis=1), noisy.clusters.sizes, risks.shape[1])
+    above = np.cumsum(counts[::-1])[::-1]
+    return int(np.flatnonzero(above > MAX_WEAKEST_FRACTION * counts.sum())[-1])
 
 
 def fit_low_pass(noisy: NoisyMesh, plan: LowPassPlan) -> LowPass:
@@ -211,7 +227,7 @@ def _estimates(
     vertices = noisy.part.mesh.vertices
     series = low_pass_series(strengths, laplacian.bound, order)
     signs = noisy.probes(1)
-    directions = np.hstack([normals / noisy.sigma[:, np.newaxis], signs]).astype(np.float32)
+    directions = np.hstack([normals / noisy.scale[:, np.newaxis], signs]).astype(np.float32)
     residuals, removed = np.zeros((2, len(vertices), len(strengths)), dtype=np.float32)
     accumulate_residuals(laplacian, np.hstack([vertices, signs]), series, directions, residuals, removed)
     squares = noisy.mean_squares(signs)
@@ -220,7 +236,9 @@ def _estimates(
         accumulate_residuals(laplacian, signs, series, signs, removed, removed)  # all four add to one sum
         squares += noisy.mean_squares(signs)
     removed /= squares[:, np.newaxis]
-    return Estimates(residuals, np.subtract(np.float32(1.0), removed, out=removed))
+    leverages = np.subtract(np.float32(1.0), removed, out=removed)
+    leverages *= np.square(noisy.sigma / noisy.scale).astype(np.float32)[:, np.newaxis]
+    return Estimates(residuals, leverages, noisy.weights)
 
 
 def _smooth_shape(part: MeshPart, umbrella: Laplacian, best: int) -> tuple[MeshPart, FloatArray]:

@@ -1,18 +1,23 @@
-"""Estimates the local standard deviation of the noise of a mesh, if it varies, and the roughest vertices.
+"""The noise of a mesh as filters need it: its local standard deviation, samples of it, and the roughest vertices.
 
-The local level is a robust mean of the high-pass residuals |p - f(L) p| along the normals, where f is a weak low-pass
-filter, over the fraction of the noise that the filter removes.
+The local level is that of the high-pass residuals |p - f(L) p| along the normals, where f is a weak low-pass filter,
+over the fraction of the noise that the filter removes.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 
-from bezier_filters.arrays import FloatArray, IntArray, SingleArray
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray, SingleArray
+from bezier_filters.meshes.prepared_mesh import mean_square_edges
+from bezier_filters.runtime.cached_property import cached_property
 from bezier_filters.sampling.mesh_parts import MeshPart
 from bezier_filters.smoothing.chebyshev import low_pass
 from bezier_filters.smoothing.clusters import Clusters, clusters_of
 from bezier_filters.smoothing.laplacian import Laplacian, umbrella_laplacian
+from bezier_filters.smoothing.local_levels import levels_of_roots, local_levels
 from bezier_filters.smoothing.random_noise import (
     CORRELATED_NOISE_STREAM,
     WHITE,
@@ -30,15 +35,23 @@ DEFAULT_TIME_SCALE = 0.27
 # Ratio to the largest roughness that counts as a tie: any such vertex will do, but tiles and memory must pick the same.
 ROUGHNESS_TIE_RATIO = 0.98
 TIE_BREAK_STREAM = 101  # stream of the vertex hashes that break ties
-MIN_LEVEL_RATIO = 2.0  # ratio of the 0.9 to the 0.1 quantile of the levels from which on the noise varies
-CREASE_LEVEL_QUANTILE = 0.8  # quantile of the levels above which creases are searched
-# mean |x| over the squared mean of sqrt(|x|), above which x is not normal; the normal distribution has 1.18
-CREASE_MOMENT_RATIO = 1.21
+# Quantiles of the levels, and their ratio from which on the noise may vary. With a ratio of 2 depth cameras keep 1.4
+# times as much of their noise; with 1.2 levels are searched on meshes of one noise, too, which takes time.
+VARIATION_QUANTILES, MIN_LEVEL_RATIO = (0.02, 0.98), 1.5
+# Vertices at which patches show whether high levels are noise, least share of the noise there in the levels, and
+# largest predicted error of the patches over the levels, both in mean edges. On steps and gradients of the noise .74
+# and more, .5 and less; near creases .22 to .59, or else .59 and more.
+CHECKED_PLACES, MIN_EXPLAINED_SHARE, MAX_CHECKED_ERROR = 400, 0.6, 0.6
+# largest level over the noise that patches find where levels are high: at edges of three faces levels may be far larger
+MAX_LEVEL_RATIO = 2.0
 MIN_LEVEL_FRACTION = 0.1  # lower bound of the levels, over the 0.9 quantile
 # standard deviation of fine relief over the mean edge: clean scans have it, and smoothing keeps it
 RELIEF_PER_EDGE = 0.01
 MIN_NOISE_PER_EDGE = RELIEF_PER_EDGE + 1e-4  # smallest standard deviation of noise over the mean edge
-NORMAL_MEAN_ROOT = 0.822  # mean of sqrt(|x|) for a standard normal x
+
+
+# noise around some vertices and predicted error of patches there, see `learn_noise_at`; None if it is not known
+NoiseAt: TypeAlias = Callable[[IntArray], tuple[float, float] | None]
 
 
 @dataclass(frozen=True)
@@ -47,15 +60,15 @@ class NoiseLevels:
 
     sigma: float | None  # standard deviation everywhere, a length; None if it varies
     share: float  # fraction of the noise that a weak filter removes
-    min_level: float  # lower bound of the levels, a length
-    detail: float  # standard deviation of the relief to keep, a shorter length
     correlation: Correlation = WHITE  # correlation of neighbouring vertices
     factor: float = 1.0  # ratio of the known to the estimated standard deviation, if the noise varies
+    largest: float = np.inf  # bound of estimated levels that vary, a length
 
-    def sigma_from_roots(self, roots: SingleArray) -> FloatArray:
-        """Standard deviation of the noise at vertices, (n,)."""
-        levels = np.full(len(roots), self.sigma) if self.sigma is not None else self.factor * _levels(roots)
-        result: FloatArray = np.sqrt(np.maximum(levels, self.min_level) ** 2 - self.detail**2)
+    def subtract_relief(self, levels: FloatArray, edges: FloatArray | float) -> FloatArray:
+        """Standard deviation of the noise at vertices, (n,), from levels of noise and relief over edges (n,)."""
+        excess = np.square(levels / edges) - RELIEF_PER_EDGE**2
+        least = MIN_NOISE_PER_EDGE**2 - RELIEF_PER_EDGE**2
+        result: FloatArray = np.sqrt(np.maximum(excess, least)) * edges
         return result
 
 
@@ -68,6 +81,23 @@ class NoisyMesh:
     sigma: FloatArray  # (n,): standard deviation of the noise around every vertex, positive lengths
     correlation: Correlation = WHITE  # correlation of the noise of neighbouring vertices
     laplacian: Laplacian | None = None  # umbrella Laplacian with free borders, whose heat flow makes correlated noise
+
+    @cached_property
+    def scale(self) -> FloatArray:
+        """Root mean square of the standard deviations around every vertex, (n,): the unit of residuals and risks.
+
+        If it were the standard deviation of the vertex itself, exact vertices next to noisy ones would decide there.
+        """
+        if np.ptp(self.sigma) == 0.0:
+            return self.sigma
+        return np.sqrt(self.clusters.average([np.square(self.sigma)])[:, 0].astype(np.float64))
+
+    @cached_property
+    def weights(self) -> FloatArray | None:
+        """Weights of the vertices in means of risks, see `Estimates`: variances over the squared edges around."""
+        if self.scale is self.sigma:
+            return None
+        return np.square(self.scale / local_edges(self.part, self.clusters))
 
     def probes(self, columns: int, *, first: int = 0) -> SingleArray:
         """Noise of variance 1, (n, columns): random signs if it is white."""
@@ -96,39 +126,50 @@ class NoisyMesh:
 
 
 def learn_noise_levels(
-    noisy: NoisyMesh, laplacian: Laplacian, sigma: float, unit: float, *, given: bool = False
+    noisy: NoisyMesh, laplacian: Laplacian, sigma: float, unit: float, noise_at: NoiseAt, *, given: bool = False
 ) -> tuple[NoiseLevels, FloatArray]:
     """Learn the noise levels of a mesh from the core of a part, and the standard deviation at its vertices, (n,).
 
-    The noise has the level sigma everywhere, unless it clearly varies. Levels are robust local means of the high-pass
-    residuals of a weak filter, in which outliers, such as edges, have little weight. If many creases cause the highest
-    levels, the residuals there are not normally distributed as noise is, and the level is constant. Levels are at least
-    `MIN_NOISE_PER_EDGE`; the standard deviation of the relief, `RELIEF_PER_EDGE`, is subtracted from them in squares.
-    `unit` is the mean edge. If the noise varies and sigma was `given`, sigma is its root mean square; otherwise sigma
-    is not used. `laplacian` is the umbrella Laplacian with free borders.
+    The noise has the level sigma everywhere, unless the `local_levels` of the high-pass residuals of a weak filter vary
+    and patches where they are high show noise there (`noise_at`): creases have large residuals, too. Levels are at
+    least `MIN_NOISE_PER_EDGE`; the standard deviation of the relief, `RELIEF_PER_EDGE`, is subtracted from them in
+    squares. `unit` is the mean edge. If the noise varies and sigma was `given`, sigma is its root mean square;
+    otherwise sigma is not used. `laplacian` is the umbrella Laplacian with free borders.
     """
-    least, detail, core = MIN_NOISE_PER_EDGE * unit, RELIEF_PER_EDGE * unit, noisy.part.core
+    core = noisy.part.core
     noise = noisy.samples(1).astype(np.float64)
     removed = noise - low_pass(laplacian, noise, WEAK_STRENGTH)
     share = float(np.sqrt(np.square(removed[core]).mean()))
-    heights, roots = _high_pass_residuals(noisy.part, noisy.clusters, laplacian, share)
-    found = _levels(roots[core])
-    low, high = np.quantile(found, (0.1, 0.9))
-    if high < MIN_LEVEL_RATIO * low or _is_creased(heights[core], found):
-        levels = NoiseLevels(sigma, share, least, detail, noisy.correlation)
-    else:
-        factor = sigma / float(np.sqrt(np.square(found).mean())) if given else 1.0
-        min_level = max(least, MIN_LEVEL_FRACTION * factor * float(high))
-        levels = NoiseLevels(None, share, min_level, detail, noisy.correlation, factor)
-    return levels, levels.sigma_from_roots(roots)
+    roots = _residual_roots(noisy.part, laplacian, share)
+    wide = levels_of_roots(noisy.clusters.average([roots])[:, 0])
+    low, high = np.quantile(wide[core], VARIATION_QUANTILES)
+    levels = NoiseLevels(sigma, share, noisy.correlation)
+    if high >= MIN_LEVEL_RATIO * low:
+        local = local_levels(roots, noisy.clusters, laplacian)
+        is_high = core & (local > np.sqrt(low * high))
+        noise_there = _check_noise(noise_at, noisy.part.ids, is_high, local, unit)
+        if noise_there is not None:
+            local = np.minimum(local, MAX_LEVEL_RATIO * noise_there)
+            factor = sigma / float(np.sqrt(np.square(local[core]).mean())) if given else 1.0
+            levels = replace(levels, sigma=None, factor=factor, largest=MAX_LEVEL_RATIO * noise_there)
+            return levels, levels.subtract_relief(factor * local, local_edges(noisy.part, noisy.clusters))
+    return levels, np.full(len(roots), levels.subtract_relief(np.array(sigma), unit))
 
 
-def local_sigma(part: MeshPart, clusters: Clusters, levels: NoiseLevels) -> FloatArray:
-    """Standard deviation of the noise around every vertex, (n,)."""
+def local_sigma(part: MeshPart, clusters: Clusters, levels: NoiseLevels, unit: float) -> FloatArray:
+    """Standard deviation of the noise around every vertex, (n,); `unit` is the mean edge of the whole mesh."""
     if levels.sigma is not None:
-        return levels.sigma_from_roots(np.zeros(len(part.ids), dtype=np.float32))
+        return np.full(len(part.ids), levels.subtract_relief(np.array(levels.sigma), unit))
     laplacian = umbrella_laplacian(part, "free")
-    return levels.sigma_from_roots(_high_pass_residuals(part, clusters, laplacian, levels.share)[1])
+    roots = _residual_roots(part, laplacian, levels.share)
+    local = levels.factor * np.minimum(local_levels(roots, clusters, laplacian), levels.largest)
+    return levels.subtract_relief(local, local_edges(part, clusters))
+
+
+def local_edges(part: MeshPart, clusters: Clusters) -> FloatArray:
+    """Root mean square length of the edges around every vertex, (n,)."""
+    squares = clusters.average([mean_square_edges(part.mesh)])[:, 0].astype(np.float64)
+    return np.sqrt(np.maximum(squares, np.finfo(np.float32).tiny))
 
 
 def roughness(part: MeshPart, sigma: float, clusters: Clusters | None = None) -> FloatArray:
@@ -165,19 +206,22 @@ def roughest_vertices(values: FloatArray, ids: IntArray) -> IntArray:
     return near[values[near] > before].astype(np.int32)
 
 
-def _high_pass_residuals(
-    part: MeshPart, clusters: Clusters, laplacian: Laplacian, share: float
-) -> tuple[FloatArray, SingleArray]:
-    """High-pass residuals of every vertex over their share of noise, lengths, and local means of their roots, (n,)."""
-    heights = np.abs(_heights(part, laplacian, MEDIUM_STRENGTH)[1] / share)
-    return heights, np.maximum(clusters.average([np.sqrt(heights)])[:, 0], np.float32(0.0))
+def _residual_roots(part: MeshPart, laplacian: Laplacian, share: float) -> SingleArray:
+    """Roots of the high-pass residuals of every vertex over their share of noise, (n,)."""
+    result: SingleArray = np.sqrt(np.abs(_heights(part, laplacian, MEDIUM_STRENGTH)[1] / share)).astype(np.float32)
+    return result
 
 
-def _is_creased(heights: FloatArray, levels: FloatArray) -> bool:
-    """Whether creases cause the highest levels (n,): the high-pass residuals there are not normally distributed."""
-    highest = (levels >= np.quantile(levels, CREASE_LEVEL_QUANTILE)) & (levels > 0.0)
-    relative = heights[highest] / levels[highest]
-    return not (len(relative) and relative.mean() < CREASE_MOMENT_RATIO * np.sqrt(relative).mean() ** 2)
+def _check_noise(noise_at: NoiseAt, ids: IntArray, is_high: BoolArray, levels: FloatArray, unit: float) -> float | None:
+    """The noise where levels (n,) are high, if patches explain and average it; None near creases: that is shape."""
+    chosen = np.flatnonzero(is_high)
+    chosen = chosen[np.argsort(random_bits(ids[chosen], TIE_BREAK_STREAM))[:CHECKED_PLACES]]
+    found = noise_at(chosen.astype(np.int32)) if len(chosen) else None
+    if found is None:
+        return None
+    level = float(np.median(levels[chosen]))
+    explains = found[0] > MIN_EXPLAINED_SHARE * level and found[1] < MAX_CHECKED_ERROR * level / unit
+    return found[0] if explains else None
 
 
 def _heights(part: MeshPart, laplacian: Laplacian, strength: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -186,8 +230,3 @@ def _heights(part: MeshPart, laplacian: Laplacian, strength: FloatArray) -> tupl
     smooth, weak = (low_pass(laplacian, vertices, one) for one in (strength, WEAK_STRENGTH))
     normals = part.mesh.move(smooth).planes.normals
     return np.einsum("ij,ij->i", vertices - smooth, normals), np.einsum("ij,ij->i", vertices - weak, normals)
-
-
-def _levels(roots: SingleArray) -> FloatArray:
-    result: FloatArray = np.square(roots.astype(np.float64) / NORMAL_MEAN_ROOT)
-    return result

@@ -16,10 +16,9 @@ import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from bezier_filters.runtime.jit import jit
-from bezier_filters.smoothing.clusters import AVERAGING_TIME, Clusters
+from bezier_filters.smoothing.clusters import AVERAGED_VERTICES_PER_TIME, AVERAGING_TIME, Clusters
 
-# effective number of vertices in a local mean on a regular mesh: the reciprocal of the sum of the squared weights
-AVERAGED_VERTICES = 7.26 * AVERAGING_TIME
+AVERAGED_VERTICES = AVERAGED_VERTICES_PER_TIME * AVERAGING_TIME  # effective number of vertices in a local mean
 # squared deviation of a local risk from the overall one, over its variance, up to which it is shrunk to the overall one
 SHRINKAGE_THRESHOLD = 1.5
 # Difference of risks, over sigma^2 / sqrt(number of vertices), at which the ratio of the shares is exp(-1): about the
@@ -36,14 +35,20 @@ class Estimates:
     residuals: SingleArray  # (n, s): heights of the measured vertices over each estimate
     # (n, s): derivative of each estimate by its own vertex: 1 without smoothing, near 0 with much
     leverages: SingleArray
+    # (n,): squared units of the residuals, which weight the means over vertices; None if they are equal
+    weights: FloatArray | None = None
 
     def subset(self, columns: Sequence[int]) -> "Estimates":
         """Some of the estimates."""
-        return Estimates(*(np.take(values, columns, axis=1) for values in (self.residuals, self.leverages)))
+        residuals, leverages = (np.take(values, columns, axis=1) for values in (self.residuals, self.leverages))
+        return Estimates(residuals, leverages, self.weights)
 
     def means(self, rows: BoolArray | slice = slice(None)) -> tuple[FloatArray, FloatArray]:
         """Mean squared residual and mean leverage of each estimate, (s,), over all vertices or some."""
         residuals, leverages = self.residuals[rows], self.leverages[rows]
+        if self.weights is not None:
+            weights = self.weights[rows] / self.weights[rows].sum()
+            return np.einsum("n,ns,ns->s", weights, residuals, residuals), np.einsum("n,ns->s", weights, leverages)
         squares = np.einsum("ns,ns->s", residuals, residuals, dtype=np.float64) / max(len(residuals), 1)
         return squares, leverages.mean(axis=0, dtype=np.float64)
 

@@ -82,7 +82,9 @@ def denoise_mesh(
     mesh: PreparedMesh, noise: NoiseModel | None, options: SmoothingOptions, *, progress: Progress | None = None
 ) -> DenoisedMesh:
     """Remove the outliers and the noise of a mesh in memory: `denoise_surface`."""
-    return denoise_surface(_MeshInMemory(mesh, np.zeros(mesh.vertex_count)), noise, options, progress=progress).result
+    return denoise_surface(
+        _MeshInMemory(mesh, *np.zeros((2, mesh.vertex_count))), noise, options, progress=progress
+    ).result
 
 
 def _denoise_in_rounds(
@@ -96,7 +98,14 @@ def _denoise_in_rounds(
     ):
         surface = surface.move_outliers()
         noise, rounds = surface.learn_noise(options.sigma), rounds + 1
+        if noise is None:  # without noise to compare with, outliers may be shape
+            surface, rounds = measured, 0
+            break
     found = surface.remove_noise(noise or NoiseModel(0.0), options, unfold=rounds > 0, progress=progress)
+    if noise is not None and noise.heavy and options.repeats and options.sigma is options.detail is None:
+        # Single normals were useless; now they show the noise that remains.
+        remaining = found.learn_noise()
+        found = found.remove_noise(remaining or NoiseModel(0.0), options, unfold=False, progress=None)
     for _ in range(0 if options.sigma is not None else MAX_IMPULSE_ROUNDS):
         parts = found.parts
         impulses = learn_impulses(measured.points_of(parts.ids), parts)
@@ -130,7 +139,7 @@ def _choose_outliers_or_noise(
         )
         return float(np.abs(heights).sum()), float(np.linalg.norm(distances))
 
-    surface = _MeshInMemory(mesh, np.zeros(mesh.vertex_count))
+    surface = _MeshInMemory(mesh, *np.zeros((2, mesh.vertex_count)))
     without = _denoise_in_rounds(surface, noise, options).result
     noise_with_them = surface.learn_noise(options.sigma, robust=False)
     as_noise = _denoise_in_rounds(surface, noise_with_them, options, progress=progress).result
@@ -144,11 +153,13 @@ class _MeshInMemory:
     """A `NoisySurface` in memory."""
 
     mesh: PreparedMesh
-    sharpness: FloatArray  # (n,): see `DenoisedMesh`
+    # (n,): see `DenoisedMesh`
+    sharpness: FloatArray
+    noise: FloatArray
 
     @property
     def result(self) -> DenoisedMesh:
-        return DenoisedMesh(self.mesh.vertices, self.sharpness)
+        return DenoisedMesh(self.mesh.vertices, self.sharpness, self.noise)
 
     def learn_noise(self, sigma: float | None = None, robust: bool | None = None) -> NoiseModel | None:
         return learn_mesh_noise(self.mesh, sigma, robust)
@@ -168,7 +179,9 @@ class _MeshInMemory:
     ) -> "_MeshInMemory":
         found = remove_noise(self.mesh, noise, options, progress=progress)
         points = unfold_surface(self.mesh, found.points) if unfold else found.points
-        return _MeshInMemory(self.mesh.move(points), found.sharpness)
+        return _MeshInMemory(
+            self.mesh.move(points), np.maximum(self.sharpness, found.sharpness), np.hypot(self.noise, found.noise)
+        )
 
     def remove_impulses(self, smooth: "_MeshInMemory", impulses: Impulses) -> "_MeshInMemory":
         points = remove_impulses(self.mesh.vertices, smooth.mesh, impulses)
@@ -176,7 +189,7 @@ class _MeshInMemory:
 
     def reuse_if_whole(self, parts: MeshPart, denoised: DenoisedMesh) -> "_MeshInMemory | None":
         is_whole = parts.mesh is self.mesh
-        return _MeshInMemory(self.mesh.move(denoised.points), denoised.sharpness) if is_whole else None
+        return _MeshInMemory(self.mesh.move(denoised.points), denoised.sharpness, denoised.noise) if is_whole else None
 
 
 def move_mesh_outliers(mesh: PreparedMesh) -> PreparedMesh:

@@ -15,7 +15,7 @@ from bezier_filters.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from bezier_filters.meshes.adjacency import umbrella_vectors
 from bezier_filters.meshes.frames import face_normal
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.meshes.prepared_mesh import PreparedMesh, longest_edges
+from bezier_filters.meshes.prepared_mesh import PreparedMesh
 from bezier_filters.meshes.triangles import longest_squared
 from bezier_filters.runtime.jit import jit
 from bezier_filters.runtime.parallel import run_kernel
@@ -29,7 +29,6 @@ MIN_UNEVENNESS_RATIO = 0.8
 NARROW_HEIGHT_RATIO, MIN_WIDENING = 0.05, 2.0
 SLIDING_STEPS = 4  # steps in which the vertices of narrow faces slide, up to the unrestricted result
 SLIDING_RINGS = SLIDING_STEPS + 2  # rings around a vertex that decide how far it slides
-MAX_MOVE_EDGES = 2.0  # largest move over the longest edge at a vertex: longer ones are failures of the estimate
 MAX_SLIDING_FRACTION = 0.05  # fraction of vertices at narrow faces above which all vertices slide
 
 
@@ -58,21 +57,24 @@ def choose_sliding(part: MeshPart, points: FloatArray, sigma: FloatArray) -> Tan
 def restrict_to_normals(mesh: PreparedMesh, points: FloatArray, sliding: TangentialMotion) -> FloatArray:
     """Restrict the moves of vertices to points (n, 3) to the normals, except for sliding vertices; return the points.
 
-    Border vertices always slide. No vertex moves farther than a multiple of its longest edge.
+    Border vertices always slide.
     """
     if sliding == TangentialMotion.ALL:
-        result = points.copy()
-    else:
-        held = _project_on_normals(mesh, points)
-        slides = _sliding_fractions(
-            mesh, points, held, NARROW_HEIGHT_RATIO if sliding == TangentialMotion.NARROW else 0.0
-        )
-        result = _slide(held, points, slides)
-    moves, most = result - mesh.vertices, MAX_MOVE_EDGES * longest_edges(mesh)
+        return points.copy()
+    held = _project_on_normals(mesh, points)
+    slides = _sliding_fractions(mesh, points, held, NARROW_HEIGHT_RATIO if sliding == TangentialMotion.NARROW else 0.0)
+    return _slide(held, points, slides)
+
+
+def limit_moves(vertices: FloatArray, points: FloatArray, most: FloatArray) -> FloatArray:
+    """Points (n, 3) no farther from the vertices than the lengths `most` (n,), in the same directions."""
+    moves = points - vertices
     lengths = np.linalg.norm(moves, axis=1)
     too_far = lengths > most
-    shortened = (most[too_far] / lengths[too_far])[:, np.newaxis] * moves[too_far]
-    result[too_far] = mesh.vertices[too_far] + shortened
+    if not too_far.any():
+        return points
+    result = points.copy()
+    result[too_far] = vertices[too_far] + (most[too_far] / lengths[too_far])[:, np.newaxis] * moves[too_far]
     return result
 
 

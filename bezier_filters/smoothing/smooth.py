@@ -19,13 +19,14 @@ from bezier_filters.meshes.spatial_order import ensure_locality
 from bezier_filters.meshes.unit_size import LENGTH, VOLUME, normalizes_size
 from bezier_filters.patches.patch_fit import PatchFit
 from bezier_filters.runtime.parallel import Progress, runs_on_threads
-from bezier_filters.smoothing.denoise import SmoothingOptions
+from bezier_filters.smoothing.denoise import MAX_MOVE_SIGMAS, SmoothingOptions
 from bezier_filters.smoothing.flipped_faces import bad_faces, repair_flipped_faces
 from bezier_filters.smoothing.rounds import denoise_mesh
 from bezier_filters.smoothing.volume import (
     ClosedComponents,
     component_volumes,
     local_movement,
+    omit_spikes,
     restore_volumes,
     volume_not_restored,
 )
@@ -33,6 +34,7 @@ from bezier_filters.surface_model.fit_options import FitOptions, check_detail, c
 
 SmoothingMethod = Literal["auto", "paper"]
 SmoothedBorders = Literal["curve", "fixed"]
+ROUNDING = 1e-9  # relative rounding of a move
 
 
 @dataclass(frozen=True, repr=False)
@@ -45,6 +47,12 @@ class SmoothingResult:
         The new coordinates; the faces are the same.
     displacement : (n,) float64
         Distance that each vertex moved, a length.
+    vertex_noise : (n,) float64
+        Standard deviation of the noise at each vertex, a length: noise removal moves none farther than five times
+        this, except `outliers`; volumes are restored after that. 0 where noise cannot be distinguished from shape, and
+        with ``method="paper"``.
+    outliers : (n,) bool
+        Single vertices far from the surface around them, which moved onto it.
     sharpness : (n,) float64
         From 0, where a smooth estimate of the surface was used, to 1, where the sharpest one was used; 0 with
         ``method="paper"``.
@@ -61,7 +69,7 @@ class SmoothingResult:
     mean_edge : float
         Mean length of the edges before.
     volume_before, volume_after : float or None
-        Total volume of the closed components, length^3; None if there are none.
+        Total volume of the closed components, length^3, before without outliers; None if there are none.
     flipped_before, flipped_after : int
         Faces more than 90 degrees away from the mean normal around them.
     degenerate_before, degenerate_after : int
@@ -72,6 +80,8 @@ class SmoothingResult:
 
     vertices: FloatArray = field(metadata=LENGTH)
     displacement: FloatArray = field(metadata=LENGTH)
+    vertex_noise: FloatArray = field(metadata=LENGTH)
+    outliers: BoolArray
     sharpness: FloatArray
     noise_before: float | None = field(metadata=LENGTH)
     noise_after: float | None = field(metadata=LENGTH)
@@ -247,7 +257,7 @@ def smooth(
     movable = np.ones(n, dtype=np.bool_) if selected is None else check_selection(selected, n)[ordered.order]
     if borders == "fixed":
         movable = movable & ~mesh.adjacency.on_boundary
-    points, sharpness = mesh.vertices, np.zeros(n)
+    points, sharpness, sigma = mesh.vertices, *np.zeros((2, n))
     with first_call():
         known, done = learn_mesh_noise(mesh, noise), 0
         for k in range(iterations):
@@ -258,6 +268,7 @@ def smooth(
                 options = SmoothingOptions(borders, detail, relax, noise if k == 0 else None)
                 found = denoise_mesh(current, here, options, progress=part)
                 points, sharpness = found.points, np.maximum(sharpness, found.sharpness)
+                sigma = np.hypot(sigma, found.noise)
             else:
                 moves = fit_patches(current, ring_count, fit, progress=part).displacements
                 points = points + admissible_displacements(current, moves)
@@ -265,16 +276,19 @@ def smooth(
             if np.array_equal(points, current.vertices) and (k or noise is None):
                 break  # further iterations would not change it
             done += 1
-        components = ClosedComponents.locate(mesh)
-        volumes_before = component_volumes(components, mesh)
+        is_outlier = (method == "auto") & (
+            np.linalg.norm(points - mesh.vertices, axis=1) > (1.0 + ROUNDING) * MAX_MOVE_SIGMAS * sigma
+        )
+        components, without = ClosedComponents.locate(mesh), omit_spikes(mesh, points)
+        volumes_before = component_volumes(components, without)
         keeps_volume = components.count and (keep_volume or (keep_volume is None and method == "auto"))
         if keeps_volume:
-            amounts = local_movement(mesh, points) * movable
+            amounts = local_movement(without, points) * movable
             points = restore_volumes(components, mesh.move(points), volumes_before, amounts)
         if method == "auto":
             points = repair_flipped_faces(mesh, points)
         if keeps_volume:
-            unlike = volume_not_restored(components, mesh, mesh.move(points), known.sigma if known else 0.0)
+            unlike = volume_not_restored(components, without, mesh.move(points), known.sigma if known else 0.0)
             points = np.where(unlike[:, np.newaxis], mesh.vertices, points)
         smoothed = mesh.move(points)
         volumes_after = component_volumes(components, smoothed)
@@ -283,6 +297,8 @@ def smooth(
         return SmoothingResult(
             vertices=ordered.restore_order(points),
             displacement=ordered.restore_order(np.linalg.norm(points - mesh.vertices, axis=1)),
+            vertex_noise=ordered.restore_order(sigma),
+            outliers=ordered.restore_order(is_outlier),
             sharpness=ordered.restore_order(sharpness),
             noise_before=None if known is None else known.sigma,
             noise_after=None if left is None else left.sigma,

@@ -21,6 +21,8 @@ from bezier_filters.runtime.jit import jit
 VOLUME_STEPS = (-1.0, 0.0, 1.0, 2.0)  # factors on the moves of vertices at which the cubic of the volume is evaluated
 VOLUME_NEWTON_STEPS = 6  # iterations of Newton's method; the cubic is nearly linear
 MAX_VOLUME_LOSS = 0.05  # largest relative difference of a restored volume
+# move of an outlier over the root mean square move of its neighbours; of normal noise one in ten thousand moves so far
+MIN_OUTLIER_RATIO = 5.0
 FLAT_AREA_RATIO = 1e-9  # vector area around a vertex over its area, below which there is no outside
 
 
@@ -140,13 +142,29 @@ def apply_moves(components: ClosedComponents, points: FloatArray, steps: FloatAr
     return result
 
 
+def omit_spikes(mesh: PreparedMesh, points: FloatArray) -> PreparedMesh:
+    """The mesh before its vertices moved to points (n, 3), with those there that moved much farther than neighbours.
+
+    They are outliers, whose volume is not that of the body: to restore it would move exact vertices around them.
+    """
+    moves = points - mesh.vertices
+    squares, rows = np.einsum("ij,ij->i", moves, moves), mesh.adjacency.vertices
+    around = _neighbour_sums(mesh, squares) / np.maximum(rows.lengths, 1.0)
+    is_spike = squares > MIN_OUTLIER_RATIO**2 * around
+    return mesh.move(np.where(is_spike[:, np.newaxis], points, mesh.vertices)) if is_spike.any() else mesh
+
+
+def _neighbour_sums(mesh: PreparedMesh, values: FloatArray) -> FloatArray:
+    rows, n = mesh.adjacency.vertices, mesh.vertex_count
+    ones = np.ones(len(rows.indices), np.float32)
+    return np.asarray(csr_array((ones, rows.indices, rows.indptr), shape=(n, n)) @ values)
+
+
 def local_movement(mesh: PreparedMesh, points: FloatArray) -> FloatArray:
     """Root mean square movement of a vertex and its neighbours, (n,), lengths; its longest edge at most."""
-    rows, n = mesh.adjacency.vertices, mesh.vertex_count
-    neighbours = csr_array((np.ones(len(rows.indices), np.float32), rows.indices, rows.indptr), shape=(n, n))
     moves = points - mesh.vertices
     squares = np.einsum("ij,ij->i", moves, moves)
-    means: FloatArray = np.sqrt((neighbours @ squares + squares) / (rows.lengths + 1.0))
+    means: FloatArray = np.sqrt((_neighbour_sums(mesh, squares) + squares) / (mesh.adjacency.vertices.lengths + 1.0))
     bounded: FloatArray = np.minimum(means, longest_edges(mesh))
     return bounded
 

@@ -1,5 +1,7 @@
 """The local strength of the noise, and the roughest vertices."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from numba import config
@@ -7,6 +9,7 @@ from scanner_noise import along_normals, mean_edge_of, ring_means
 from smoothing_cases import edge_of, height_error, noisy_block, part_around
 
 from bezier_filters import smooth
+from bezier_filters.fitting.noise_level import learn_noise_at
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.meshes.mesh import triangle_mesh
@@ -14,8 +17,15 @@ from bezier_filters.meshes.prepared_mesh import prepare_mesh
 from bezier_filters.sampling.mesh_parts import whole_mesh
 from bezier_filters.smoothing.clusters import clusters_of
 from bezier_filters.smoothing.laplacian import umbrella_laplacian
-from bezier_filters.smoothing.noise import NoisyMesh, learn_noise_levels, local_sigma, roughest_vertices, roughness
-from bezier_filters.surfaces import block_with_sharp_edges, torus
+from bezier_filters.smoothing.noise import (
+    RELIEF_PER_EDGE,
+    NoisyMesh,
+    learn_noise_levels,
+    local_sigma,
+    roughest_vertices,
+    roughness,
+)
+from bezier_filters.surfaces import block_with_sharp_edges, sphere, torus
 
 pytestmark = pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")
 
@@ -79,8 +89,8 @@ def levels_of(vertices, faces, sigma):
     part, unit = whole_mesh(prepare_mesh(mesh)), edge_of(vertices, faces)
     clusters, laplacian = clusters_of(part), umbrella_laplacian(part, "free")
     noisy = NoisyMesh(part, clusters, np.full(len(vertices), sigma), laplacian=laplacian)
-    levels, found = learn_noise_levels(noisy, laplacian, sigma, unit)
-    np.testing.assert_array_equal(local_sigma(part, clusters, levels), found)
+    levels, found = learn_noise_levels(noisy, laplacian, sigma, unit, partial(learn_noise_at, part.mesh))
+    np.testing.assert_array_equal(local_sigma(part, clusters, levels, unit), found)
     return levels, found
 
 
@@ -103,4 +113,45 @@ def test_noise_of_one_strength_has_one_level(level):
     heights = sigma * np.random.default_rng(0).standard_normal(len(ring.vertices))
     levels, found = levels_of(ring.vertices + heights[:, np.newaxis] * ring.normals, ring.faces, sigma)
     assert levels.sigma == sigma
-    np.testing.assert_allclose(found, np.sqrt(sigma**2 - levels.detail**2), rtol=1e-12)
+    relief = RELIEF_PER_EDGE * edge_of(ring.vertices, ring.faces)
+    np.testing.assert_allclose(found, np.sqrt(sigma**2 - relief**2), rtol=1e-3)
+
+
+@pytest.mark.parametrize("share", [0.05, 0.1, 0.4])
+def test_noise_on_a_part_is_removed_up_to_its_border(share):
+    """As if it were alone: less than a sixth of it remains, and the exact rest hardly moves."""
+    ball = sphere(resolution=32)
+    edge, is_noisy = edge_of(ball.vertices, ball.faces), ball.vertices[:, 2] > 1.0 - 2.0 * share
+    noise = 0.3 * edge * is_noisy * np.random.default_rng(0).standard_normal(len(is_noisy))
+    result = smooth(ball.vertices * (1.0 + noise[:, np.newaxis]), ball.faces)
+    errors = (np.linalg.norm(result.vertices, axis=1) - 1.0) / edge
+    assert np.sqrt(np.square(errors[is_noisy]).mean()) < 0.05
+    assert np.sqrt(np.square(errors[~is_noisy]).mean()) < 0.01
+
+
+def test_bodies_of_different_sizes_are_smoothed_as_if_they_were_alone():
+    ball = sphere(resolution=24, jitter=0.2)
+    noise = 0.2 * edge_of(ball.vertices, ball.faces) * np.random.default_rng(0).standard_normal((2, len(ball.vertices)))
+    large, small = (
+        ball.vertices * (1.0 + noise[0, :, np.newaxis]),
+        0.02 * ball.vertices * (1.0 + noise[1, :, np.newaxis]),
+    )
+    both = smooth(
+        np.vstack([large, small + np.array([3.0, 0.0, 0.0])]), np.vstack([ball.faces, ball.faces + len(large)])
+    )
+    for points, scale in ((both.vertices[: len(large)], 1.0), (both.vertices[len(large) :] - [3.0, 0.0, 0.0], 0.02)):
+        errors = np.linalg.norm(points, axis=1) / scale - 1.0
+        assert errors.std() < 0.25 * noise.std()
+
+
+def test_the_feet_of_fins_next_to_noise_hardly_move():
+    """Where three faces meet at an edge residuals are far larger than noise."""
+    ball = sphere(resolution=20)
+    edge, n = edge_of(ball.vertices, ball.faces), len(ball.vertices)
+    noise = 0.3 * edge * (ball.vertices[:, 2] > 0.0) * np.random.default_rng(0).standard_normal(n)
+    feet = ball.faces[ball.vertices[ball.faces][:, :, 2].max(axis=1) < -0.3][::40, :2]
+    tips = (1.0 + edge) * ball.vertices[feet].mean(axis=1)
+    fins = np.column_stack([feet, n + np.arange(len(feet))])
+    vertices = np.vstack([ball.vertices * (1.0 + noise[:, np.newaxis]), tips])
+    moved = smooth(vertices, np.vstack([ball.faces, fins])).displacement / edge
+    assert moved[feet].max() < 0.1

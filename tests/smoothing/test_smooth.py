@@ -379,3 +379,24 @@ def test_a_coarse_part_is_not_taken_for_noise():
     result = smooth(pot, np.vstack([*walls, fan[:, ::-1], fan + 18]))
     assert result.noise_before is None
     np.testing.assert_array_equal(result.vertices, pot)
+
+
+def test_a_model_of_few_triangles_stays_as_it_is():
+    """Its detail is as large as its edges: wider neighbourhoods fold, and noise cannot be distinguished from shape."""
+    ring = torus(resolution=8)
+    noisy = with_noise(ring.vertices, ring.faces, ring.normals, 0.2)
+    result = smooth(noisy, ring.faces)
+    np.testing.assert_array_equal(result.vertices, noisy)
+    assert result.noise_before is None
+    assert "too coarse to distinguish noise from shape" in result.noise
+
+
+def test_noise_that_turns_faces_over_is_removed_twice():
+    ball = sphere(resolution=20, jitter=0.2)
+    edge = edge_of(ball.vertices, ball.faces)
+    noisy = ball.vertices + 0.6 * edge * np.random.default_rng(0).standard_normal(ball.vertices.shape)
+    result = smooth(noisy, ball.faces)
+    assert result.noise_heavy
+    errors = (np.linalg.norm(result.vertices, axis=1) - 1.0) / edge
+    assert np.sqrt(np.square(errors - errors.mean()).mean()) < 0.15
+    assert result.flipped_after < 0.01 * len(ball.faces)
