@@ -372,6 +372,14 @@ def print_worst(rows: list[dict[str, object]], count: int = 15) -> None:
         )
 
 
+def write_table(rows: list[dict[str, object]], path: Path) -> None:
+    """Rows as a CSV file."""
+    with path.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(rows[0])
+        writer.writerows([f"{v:.4g}" if isinstance(v, float) else v for v in row.values()] for row in rows)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--kinds", nargs="+", choices=[*KINDS, *VOXELS], default=[*KINDS, *VOXELS])
@@ -390,10 +398,7 @@ def main() -> None:
     if arguments.peers:
         print_worst(rows)
     if arguments.save:
-        with (RESULTS / "unseen.csv").open("w", newline="") as file:
-            writer = csv.writer(file)
-            writer.writerow(rows[0])
-            writer.writerows([f"{v:.4g}" if isinstance(v, float) else v for v in row.values()] for row in rows)
+        write_table(rows, RESULTS / "unseen.csv")
 
 
 if __name__ == "__main__":

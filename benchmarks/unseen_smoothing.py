@@ -10,7 +10,6 @@ the data, `noise` is the learned one and `moved` the largest distance that a ver
 """
 
 import argparse
-import csv
 from collections.abc import Iterator
 from concurrent.futures.process import BrokenProcessPool
 from functools import lru_cache
@@ -24,7 +23,7 @@ import bezier_filters as bf
 from smoothing import face_normals
 from smoothing_peers import Smoother, settings
 from strongest_peer import mean_edge
-from unseen import KINDS, VOXELS, all_cells, all_directions, child, mesh_of, print_table, rms, text
+from unseen import KINDS, VOXELS, all_cells, all_directions, child, mesh_of, print_table, rms, text, write_table
 from unseen_meshes import quiet
 from unseen_surfaces import SURFACES, Sample
 
@@ -164,10 +163,7 @@ def main() -> None:
     if arguments.peers:
         print_worst(rows)
     if arguments.save:
-        with (RESULTS / "unseen_smoothing.csv").open("w", newline="") as file:
-            writer = csv.writer(file)
-            writer.writerow(rows[0])
-            writer.writerows([f"{v:.4g}" if isinstance(v, float) else v for v in row.values()] for row in rows)
+        write_table(rows, RESULTS / "unseen_smoothing.csv")
 
 
 if __name__ == "__main__":

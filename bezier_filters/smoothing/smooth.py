@@ -199,8 +199,8 @@ def smooth(
         gets a longer range, as the waves of depth cameras have, which would count as shape otherwise. For ``"auto"``
         only.
     borders : {"curve", "fixed"}
-        Whether border vertices are smoothed along the border, or stay; with ``"paper"`` they move to their patches
-        unless they are fixed.
+        Whether border vertices move along the normal, and across the border by its own noise, or stay; with ``"paper"``
+        they move to their patches unless they are fixed.
     keep_volume : bool, optional
         Whether each closed component keeps its volume: the change by smoothing is compensated by moves along
         the normals, in proportion to the local movement. By default with ``"auto"`` only.
