@@ -31,7 +31,7 @@ RESULTS = Path(__file__).parent / "results"
 SCORES = ("distance", "angle")
 NEGLIGIBLE = (1e-3, 0.05)
 """Scores that count as this much in ratios."""
-PLACES = 1000
+PLACES = 400
 """Vertices, and faces, whose distances and angles are measured."""
 MAX_HARM = 1.02
 """Ratio to the score of the data up to which a result is no worse."""

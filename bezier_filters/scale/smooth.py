@@ -55,7 +55,7 @@ from bezier_filters.smoothing.volume import (
     apply_moves,
     component_volumes,
     local_movement,
-    omit_spikes,
+    omit_outliers,
     outward_moves,
     volume_steps,
 )
@@ -235,7 +235,7 @@ def finish_tile(
     points = smoothed.coordinates_of(part.ids)
     components, numbers = (None, None) if stored is None else stored.select(part.ids)
     if components is not None and steps is not None and components.count:
-        amounts = local_movement(omit_spikes(mesh, points), points) * movable_vertices(mesh, fixed)
+        amounts = local_movement(omit_outliers(mesh, points), points) * movable_vertices(mesh, fixed)
         of_components = np.array(steps.memory_map()[numbers])
         points = apply_moves(components, points, of_components, outward_moves(mesh.move(points), amounts))
     points = repair_flipped_faces(mesh, points)

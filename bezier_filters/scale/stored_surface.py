@@ -38,7 +38,13 @@ from bezier_filters.smoothing.impulses import Impulses, remove_impulses
 from bezier_filters.smoothing.noise import ROUGHNESS_RINGS, roughest_vertices, roughness
 from bezier_filters.smoothing.rounds import move_mesh_outliers, unfold_surface
 from bezier_filters.smoothing.sliding import SLIDING_RINGS
-from bezier_filters.smoothing.volume import component_volumes, local_movement, omit_spikes, outward_moves, volumes_along
+from bezier_filters.smoothing.volume import (
+    component_volumes,
+    local_movement,
+    omit_outliers,
+    outward_moves,
+    volumes_along,
+)
 
 SHARPNESS = PREFIX + "sharpness"  # column of the weight of sharp estimates
 # halo for the repair of flipped faces: a few times `REPAIR_RINGS` of `smoothing.flipped_faces`
@@ -217,7 +223,7 @@ def smooth_tile(
     rows = table_of(points[own], {SHARPNESS: sharpness[own]})
     sums: dict[str, list[float]] = {}
     if stored is not None:
-        before = omit_spikes(mesh.move(first.coordinates_of(part.ids)), points)
+        before = omit_outliers(mesh.move(first.coordinates_of(part.ids)), points)
         components, numbers = stored.select(part.ids)
         moves = outward_moves(mesh.move(points), local_movement(before, points) * movable)
         of_tile = mesh.faces[part.faces_of_tile()]

@@ -26,7 +26,7 @@ from bezier_filters.smoothing.volume import (
     ClosedComponents,
     component_volumes,
     local_movement,
-    omit_spikes,
+    omit_outliers,
     restore_volumes,
     volume_not_restored,
 )
@@ -279,7 +279,7 @@ def smooth(
         is_outlier = (method == "auto") & (
             np.linalg.norm(points - mesh.vertices, axis=1) > (1.0 + ROUNDING) * MAX_MOVE_SIGMAS * sigma
         )
-        components, without = ClosedComponents.locate(mesh), omit_spikes(mesh, points)
+        components, without = ClosedComponents.locate(mesh), omit_outliers(mesh, points)
         volumes_before = component_volumes(components, without)
         keeps_volume = components.count and (keep_volume or (keep_volume is None and method == "auto"))
         if keeps_volume:
