@@ -67,7 +67,7 @@ def assert_reproduces(geometry, truth, at_least, where=True):
     assert geometry.residual[fitted].max() < 1e-9
 
 
-@settings(max_examples=30)
+@settings(max_examples=12)
 @given(
     alpha=st.floats(0.05, 1.0),
     degree=st.sampled_from([2, 3, 4]),

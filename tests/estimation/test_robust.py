@@ -10,7 +10,7 @@ from bezier_filters import FitStatus, PatchFit, estimate_vertex_geometry, vertex
 from bezier_filters.surfaces import ellipsoid, height_field, torus
 
 SURFACES = {
-    "ellipsoid": cache(lambda: ellipsoid(resolution=20, jitter=0.3)),
+    "ellipsoid": cache(lambda: ellipsoid(resolution=14, jitter=0.3)),
     "torus": cache(lambda: torus(resolution=36, jitter=0.3)),
 }
 OPTIONS = {"automatic": {}, "rings": {"rings": 5}, "radius": {"radius": 0.3}, "fixed": {"rings": 3, "alpha": 0.8}}

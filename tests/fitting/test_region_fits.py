@@ -1,6 +1,7 @@
 """Regions of a mesh have fits of their own where noise or shape differ, and only there."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -102,18 +103,26 @@ def test_the_parts_do_not_depend_on_what_is_selected():
     assert not part.k_max[~selected].any()
 
 
+@cache
+def bunny():
+    """A scan, and the estimate of its geometry."""
+    ms = load_mesh(bunny_path())
+    mesh = ms.current_mesh()
+    vertices, faces = mesh.vertex_matrix(), mesh.face_matrix()
+    used = np.unique(faces)
+    vertices, faces = vertices[used], np.searchsorted(used, faces).astype(np.int32)
+    return vertices, faces, estimate_vertex_geometry(vertices, faces)
+
+
 @pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")
 @pytest.mark.parametrize(("deleted", "turned", "moved"), [(10, 1.0, 0.08), (30, 1.5, 0.13)])
 def test_a_scan_with_detail_as_long_as_its_noise_keeps_its_fit(deleted, turned, moved):
     """Otherwise a few vertices less turn normals by degrees, and move H by a fifth."""
-    ms = load_mesh(bunny_path())
-    vertices, faces = ms.current_mesh().vertex_matrix(), ms.current_mesh().face_matrix()
-    used = np.unique(faces)
-    vertices, faces = vertices[used], np.searchsorted(used, faces).astype(np.int32)
+    vertices, faces, full = bunny()
     survivors = np.ones(len(vertices), dtype=bool)
     survivors[np.random.default_rng([1, deleted]).permutation(len(vertices))[: len(vertices) * deleted // 100]] = False
     kept, reduced = keep_survivors(vertices, faces, survivors)
-    full, less = (estimate_vertex_geometry(*mesh) for mesh in ((vertices, faces), (vertices[kept], reduced)))
+    less = estimate_vertex_geometry(vertices[kept], reduced)
     assert all((g.fit.rings, g.fit.degree) == (2, 3) for g in (full, less))
     others = [p for g in (full, less) for p in g.fit.parts if (p.rings, p.degree) != (2, 3)]
     assert sum(p.vertices for p in others) < 0.1 * len(less.normals)

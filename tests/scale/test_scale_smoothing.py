@@ -128,7 +128,8 @@ def assert_near(report, expected):
     assert np.abs(fields["bz_displacement"] - expected.displacement).max() <= 0.01 * sigma
     assert np.array_equal(fields["quality"], fields["bz_displacement"])
     assert np.abs(fields["bz_sharpness"] - expected.sharpness).max() <= 0.01
-    assert_close(report["noise"]["before"], expected.noise_before, 1e-9 * sigma)
+    # tiles add up the samples in another order, and the search for the covariance amplifies that: 5e-9 on one processor
+    assert_close(report["noise"]["before"], expected.noise_before, 1e-7 * sigma)
     assert_close(report["noise"]["after"], expected.noise_after, 0.005 * sigma)
     for when in ("before", "after"):
         volume = getattr(expected, f"volume_{when}")
