@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from bezier_filters.arrays import BoolArray, IntArray
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.fitting.outlier_removal import move_outliers
 from bezier_filters.kernels.kernel_input import KernelMesh, prepare_kernel_mesh, use_smoothed_normals
 from bezier_filters.meshes.prepared_mesh import PreparedMesh
@@ -42,6 +42,10 @@ class MeshNeighbourhoods:
     def smooth_mesh(self) -> KernelMesh:
         """The mesh with smoothed normals."""
         return use_smoothed_normals(self.mesh)
+
+    def locate(self, vertices: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Coordinates and unit normals of some vertices, (k, 3) each."""
+        return self.mesh.vertices[vertices], self.mesh.normals[vertices]
 
     def draw(self, count: int) -> IntArray:
         """Draw up to `count` vertices that have a normal, in random order."""

@@ -4,11 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from bezier_filters.arrays import IntArray
+from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.fitting.mesh_neighbourhoods import mesh_neighbourhoods
 from bezier_filters.meshes.prepared_mesh import PreparedMesh
 from bezier_filters.noise.neighbourhoods import Neighbourhoods
 from bezier_filters.noise.noise_model import NoiseModel, rescale_noise
+from bezier_filters.noise.rounding import Rounding
 from bezier_filters.sampling.ring_analysis import analyse_rings
 from bezier_filters.surface_model.fit_options import FitOptions
 from bezier_filters.surface_model.learn import explain_unknown_surface, learn_surface, learn_without_outliers
@@ -25,6 +26,13 @@ MAX_NOISE_PER_EDGE = 0.5 * np.sqrt(np.pi)
 # of 640 vertices stay as they are.
 MIN_WIDEST_RINGS = 3
 RESIDUAL_RINGS, RESIDUAL_SAMPLES = 3, 400  # neighbourhoods in whose residuals the noise of a part is looked for
+# Separations of large residuals from small ones: exact places, shape, noise. With 1 noise on 10 to 40 % of 103 meshes
+# leaves 0.275 of its distance from the surface instead of 0.251, with 6 as much.
+MAX_SEPARATIONS = 3
+# Median ratio of residuals to the errors of rounding, or its reciprocal, up to which these are the noise: 0.55 to 1.14
+# on ten meshes of half precision and of three digits.
+MAX_ROUNDING_RATIO = 2.0
+MIN_ROUNDING_PER_EDGE = 1e-3  # standard deviation of these errors over the mean edge that matters: less is not visible
 
 
 def learn_mesh_noise(mesh: PreparedMesh, sigma: float | None = None, robust: bool | None = None) -> NoiseModel | None:
@@ -78,10 +86,19 @@ def estimate_noise(
     options = FitOptions(robust=robust)
     leaf = learn_without_outliers(source, options, only_noise=True)
     learned = None if leaf is None or _is_coarse(leaf) else leaf.surface.noise
-    if learned is not None and not learned.outliers and learned.sigma <= MIN_MASKING_NOISE * mean_edge:
-        of_part = _noise_of_part(source, options)
-        learned = of_part if of_part is not None and of_part.sigma > MIN_MASKING_NOISE * mean_edge else learned
-    if learned is not None and learned.sigma > MAX_NOISE_PER_EDGE * mean_edge:
+    rounding = source.rounding.rounding
+    if source.rounding.variance > 0.0:
+        learned = source.rounding if learned is None else replace(learned, rounding=rounding)
+    elif learned is not None:
+        least = MIN_MASKING_NOISE * mean_edge
+        variance = 0.0 if rounding is None else _rounding_variance(source, rounding)
+        if variance > (MIN_ROUNDING_PER_EDGE * mean_edge) ** 2:
+            least = max(least, MAX_ROUNDING_RATIO * float(np.sqrt(variance)))
+            learned = NoiseModel(variance, outliers=learned.outliers, rounding=rounding)
+        if not learned.outliers and learned.sigma <= least:
+            of_part = _noise_of_part(source, options)
+            learned = of_part if of_part is not None and of_part.sigma > least else learned
+    if learned is not None and learned.rounding is None and learned.sigma > MAX_NOISE_PER_EDGE * mean_edge:
         learned = None
     if learned is not None and robust is False:
         learned = replace(learned, outliers=0.0)
@@ -93,15 +110,40 @@ def _noise_of_part(source: Neighbourhoods, options: FitOptions) -> NoiseModel | 
 
     Where there is noise wider rings are better; where residuals are shape, narrower ones are.
     """
+    centers, residuals = _residuals(source)
+    for _ in range(MAX_SEPARATIONS if len(centers) else 0):
+        is_large = residuals > separate_magnitudes(residuals)
+        centers, residuals = centers[is_large], residuals[is_large]
+        part = learn_surface(source, options, at=centers) if len(centers) else None
+        if part is None:
+            break
+        if part.chosen.rings > RESIDUAL_RINGS and not part.surface.noise.sills:
+            return part.surface.noise
+    return None
+
+
+def _rounding_variance(source: Neighbourhoods, rounding: Rounding) -> float:
+    """Mean variance of the errors of rounding along the normals, length^2; 0 if they do not explain the residuals.
+
+    Exact coordinates may have few digits, too, and other noise may be larger.
+    """
+    centers, residuals = _residuals(source)
+    variances = rounding.variances(*source.locate(centers))
+    known = variances > 0.0
+    if not known.any():
+        return 0.0
+    ratio = float(np.median(residuals[known] / np.sqrt(variances[known])))
+    return float(variances.mean()) if 1.0 / MAX_ROUNDING_RATIO < ratio < MAX_ROUNDING_RATIO else 0.0
+
+
+def _residuals(source: Neighbourhoods) -> tuple[IntArray, FloatArray]:
+    """Vertices, (k,), and the root mean square residual of the patch of highest degree around each, lengths (k,)."""
     sample = source.sample(source.draw(RESIDUAL_SAMPLES), RESIDUAL_RINGS, "plain")
     found = analyse_rings(sample, {RESIDUAL_RINGS: RESIDUAL_SAMPLES}, vertex_count=source.vertex_count)
     if not found:
-        return None
-    residuals = np.sqrt(found[0].sums.residuals[:, -1] / np.maximum(found[0].sums.freedom[:, -1], 1.0))
-    part = learn_surface(source, options, at=found[0].centers[residuals > separate_magnitudes(residuals)])
-    if part is None or part.chosen.rings <= RESIDUAL_RINGS or part.surface.noise.sills:
-        return None
-    return part.surface.noise
+        return np.zeros(0, dtype=np.int32), np.zeros(0)
+    sums = found[0].sums
+    return found[0].centers, np.sqrt(sums.residuals[:, -1] / np.maximum(sums.freedom[:, -1], 1.0))
 
 
 def is_noisy(mesh: PreparedMesh, sigma: float | None) -> bool:

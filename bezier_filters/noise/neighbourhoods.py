@@ -2,7 +2,7 @@
 
 from typing import Protocol
 
-from bezier_filters.arrays import IntArray
+from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.noise.noise_model import NoiseModel
 from bezier_filters.sampling.neighbourhood_samples import NeighbourhoodSample, SampleMode
 
@@ -17,6 +17,9 @@ class Neighbourhoods(Protocol):
     @property
     def rounding(self) -> NoiseModel:
         """Noise of rounded coordinates, of variance 0 without any: see `rounding_noise`."""
+
+    def locate(self, vertices: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Coordinates and unit normals of some vertices, (k, 3) each."""
 
     @property
     def clean(self) -> "Neighbourhoods":

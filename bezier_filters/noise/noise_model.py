@@ -6,11 +6,12 @@ noise averaged with a Gaussian of width l / sqrt(2) has this correlation. Distan
 longer in one direction: see `RingAnalysis.quadratics`.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from bezier_filters.arrays import FloatArray
+from bezier_filters.noise.rounding import Rounding
 from bezier_filters.patches.harmonics import harmonic_basis
 from bezier_filters.runtime.cached_property import cached_property
 from bezier_filters.sampling.ring_analysis import RingAnalysis
@@ -33,6 +34,8 @@ class NoiseModel:
     heavy: bool = False  # whether single normals are so noisy that they must be smoothed
     outliers: float = 0.0  # share of the vertices that are outliers
     given: bool = False  # whether the user gave the standard deviation
+    # how the coordinates are rounded, if that is the noise
+    rounding: Rounding | None = field(default=None, repr=False, compare=False)
 
     @property
     def variance(self) -> float:

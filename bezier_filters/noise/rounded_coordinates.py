@@ -10,16 +10,18 @@ coordinates are a sampling grid, as x and y of a height field. And stairs have t
 and concave edges lie side by side, which those of bodies made of bricks do not.
 """
 
-from dataclasses import dataclass
+from dataclasses import replace
+from itertools import product
 from math import radians
 
 import numpy as np
 
-from bezier_filters.arrays import BoolArray, FloatArray
+from bezier_filters.arrays import FloatArray
 from bezier_filters.meshes.half_edges import mesh_edges
 from bezier_filters.meshes.prepared_mesh import PreparedMesh
 from bezier_filters.noise.lattice import SINGLE_ERROR, find_lattice, orthogonal_frames
 from bezier_filters.noise.noise_model import NO_NOISE, NoiseModel
+from bezier_filters.noise.rounding import Rounding, significant_digits
 
 # The tested meshes are 18 masks and terrains, and 11 bodies of bricks and real meshes. Where nothing else is said, half
 # and twice a constant decide alike for all of them.
@@ -31,6 +33,8 @@ STEP_TOLERANCE = 1e-5  # of a multiple: error of the step itself, which is a dif
 # Share of vertices with a pair of coordinates of their own from which on it is a grid, and of vertices with one
 # coordinate half-way from which on it is a mask. With 0.5 some masks count as grids.
 MIN_DISTINCT_PAIRS = 0.99
+# Of most steps of significant digits over the step of all coordinates: multiples of one step have few digits, too.
+MIN_STEP_RATIO = 1.5
 # Noise by rounding over the mean edge from which on the stairs look like sharp edges: below it a step turns the normal
 # of a face by less than about 20 degrees. With 0.2 a terrain in steps of 0.8 cells is no longer stairs.
 MIN_STAIR_NOISE = 0.1
@@ -41,16 +45,6 @@ MASK_NUGGET, MASK_RANGE = 0.1, 0.75
 # terrains in whole metres, 0 to 0.05 on bodies made of bricks, at most 0.4 on CAD parts and clean scans. With 0.8 two
 # masks are not stairs; with 60 degrees most are not, as the edges of treads turn by 45.
 MIN_RISER_SHARE, MIN_RISER_ANGLE = 0.6, radians(30.0)
-
-
-@dataclass(frozen=True)
-class Rounding:
-    """How the coordinates of a mesh are rounded."""
-
-    steps: FloatArray  # (3,): coordinates are multiples of them; half of the voxels of a mask; 0 for exact coordinates
-    is_mask: bool  # whether the mesh is the boundary of a voxel mask
-    variance: float  # of the noise along the normal, length^2
-    axes: FloatArray | None  # (3, 3): rows are the axes of the coordinates; None for x, y, z
 
 
 def rounding_noise(mesh: PreparedMesh) -> NoiseModel:
@@ -70,11 +64,11 @@ def rounding_noise(mesh: PreparedMesh) -> NoiseModel:
     found = _find_rounding(mesh)
     if found is None:
         return NO_NOISE
-    if not found.is_mask:
-        return NoiseModel(found.variance)
-    return NoiseModel(
-        MASK_NUGGET * found.variance, ((1.0 - MASK_NUGGET) * found.variance,), (MASK_RANGE * mesh.mean_edge,)
-    )
+    variance = _stair_variance(mesh, found)
+    if not found.is_mask or variance == 0.0:
+        return NoiseModel(variance, rounding=found)
+    sills, ranges = ((1.0 - MASK_NUGGET) * variance,), (MASK_RANGE * mesh.mean_edge,)
+    return NoiseModel(MASK_NUGGET * variance, sills, ranges, rounding=found)
 
 
 def describe_rounding(mesh: PreparedMesh) -> str:
@@ -89,9 +83,9 @@ def describe_rounding(mesh: PreparedMesh) -> str:
     'stairs: z is rounded to multiples of 1; this counts as noise, and the edges of the stairs are not sharp edges'
     """
     found = _find_rounding(mesh)
-    if found is None:
+    if found is None or _stair_variance(mesh, found) == 0.0:
         return ""
-    lengths = [f"{step:.4g}" for step in (2.0 * found.steps if found.is_mask else found.steps)]
+    lengths = [f"{step:.4g}" for step in found.steps]
     if found.is_mask:
         source = "they bound a voxel mask with voxels of " + " x ".join(lengths)
     elif found.axes is None:
@@ -112,11 +106,12 @@ def describe_rounding(mesh: PreparedMesh) -> str:
 
 
 def _find_rounding(mesh: PreparedMesh) -> Rounding | None:
-    """How the coordinates are rounded, along the axes or else those of a lattice; None if there are no stairs."""
+    """How the coordinates are rounded, along the axes or else those of a lattice; None if they are not."""
     if not mesh.face_count:
         return None
     found: Rounding | None = None
-    if (coordinate_steps(mesh.vertices) > 0.0).any():
+    steps = coordinate_steps(mesh.vertices)
+    if (steps > 0.0).any():
         found = _rounding_along(mesh, mesh.vertices, None)
     elif mesh.barriers.any() and (lattice := find_lattice(mesh)) is not None:
         for frame in orthogonal_frames(lattice):
@@ -124,9 +119,20 @@ def _find_rounding(mesh: PreparedMesh) -> Rounding | None:
             found = along if found is None or (along is not None and along.is_mask) else found
             if found is not None and found.is_mask:
                 break
-    if found is None or found.variance <= (MIN_STAIR_NOISE * mesh.mean_edge) ** 2 or not _has_risers(mesh):
-        return None
+    if found is not None and found.is_mask:
+        return found
+    relative = Rounding(np.zeros(3), digits=significant_digits(mesh.vertices))
+    if (relative.steps_of(mesh.vertices) > MIN_STEP_RATIO * steps).mean() > 0.5:
+        return replace(relative, steps=np.zeros(3) if found is None else found.steps)
     return found
+
+
+def _stair_variance(mesh: PreparedMesh, rounding: Rounding) -> float:
+    """Mean variance of the noise along the normals, length^2, if its steps have left stairs; 0 if they have not."""
+    has_normal = mesh.planes.normals.any(axis=1)
+    variances = rounding.variances(mesh.vertices[has_normal], mesh.planes.normals[has_normal])
+    mean = float(variances.mean()) if len(variances) else 0.0
+    return mean if mean > (MIN_STAIR_NOISE * mesh.mean_edge) ** 2 and _has_risers(mesh) else 0.0
 
 
 def coordinate_steps(vertices: FloatArray) -> FloatArray:
@@ -159,24 +165,24 @@ def _step(values: FloatArray) -> float:
 
 
 def _rounding_along(mesh: PreparedMesh, coordinates: FloatArray, axes: FloatArray | None) -> Rounding | None:
-    """How the coordinates (n, 3) along some axes are rounded; None if they are not. The variance is a mean.
+    """How the coordinates (n, 3) along some axes are rounded; None if they are not.
 
     Axes of a sampling grid are not rounded. Of a vertex of a mask, only the coordinate half-way between voxels is, to
     the whole voxel.
     """
     has_normal = mesh.planes.normals.any(axis=1)
-    points, normals = coordinates[has_normal], mesh.planes.normals[has_normal]
-    normals = normals if axes is None else normals @ axes.T
+    points = coordinates[has_normal]
     steps = coordinate_steps(points)
     if not len(points) or not (steps > 0.0).any():
         return None
     rounded = _remove_grid_steps(points, steps)
-    squares = np.square(normals * rounded)
-    is_half_way = _half_way(points, steps) if (rounded > 0.0).all() else np.zeros(points.shape, dtype=np.bool_)
-    is_mask = bool(np.mean(is_half_way.sum(axis=1) == 1) >= MIN_DISTINCT_PAIRS)
-    if is_mask:
-        squares = 4.0 * squares * is_half_way
-    return Rounding(steps if is_mask else rounded, is_mask, float(squares.sum(axis=1).mean()) / 12.0, axes)
+    if (rounded > 0.0).all():
+        center = _voxel_center(points, steps)
+        if center is not None:
+            found = Rounding(2.0 * steps, True, center, axes)
+            shift = np.median(found.coordinates(mesh.vertices[has_normal]) - points, axis=0)
+            return replace(found, center=center + shift)
+    return Rounding(rounded, axes=axes)
 
 
 def _remove_grid_steps(points: FloatArray, steps: FloatArray) -> FloatArray:
@@ -191,10 +197,14 @@ def _remove_grid_steps(points: FloatArray, steps: FloatArray) -> FloatArray:
     return rounded
 
 
-def _half_way(points: FloatArray, steps: FloatArray) -> BoolArray:
-    """Which coordinates (k, 3) lie half-way between those of most vertices, as one of every vertex of a mask does."""
-    is_odd = np.round((points - points.min(axis=0)) / steps).astype(np.int64) % 2 == 1
-    return np.asarray(is_odd != (is_odd.mean(axis=0) > 0.5))
+def _voxel_center(points: FloatArray, steps: FloatArray) -> FloatArray | None:
+    """A point (3,) from which one coordinate of nearly every point (k, 3) is an odd multiple of its step; or None."""
+    lowest = points.min(axis=0)
+    is_odd = np.round((points - lowest) / steps).astype(np.int64) % 2 == 1
+    for shift in product((False, True), repeat=3):
+        if np.mean((is_odd ^ np.array(shift)).sum(axis=1) == 1) >= MIN_DISTINCT_PAIRS:
+            return np.asarray(lowest + shift * steps)
+    return None
 
 
 def _has_risers(mesh: PreparedMesh) -> bool:

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from bezier_filters.arrays import BoolArray, IntArray
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.fitting.fallbacks import FitAttempt, fit_with_fallbacks
 from bezier_filters.fitting.noise_level import estimate_noise
@@ -68,6 +68,12 @@ class StoreNeighbourhoods:
     def clean(self) -> "StoreNeighbourhoods":
         """The same with the outliers moved onto the surface around them."""
         return replace(self, is_clean=True)
+
+    def locate(self, vertices: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Coordinates and unit normals of some vertices, (k, 3) each."""
+        part = part_around_samples(self.store, np.unique(vertices), NORMAL_RINGS)
+        at = part.local(vertices)
+        return part.mesh.vertices[at], prepare_mesh(part.mesh).planes.normals[at]
 
     def draw(self, count: int) -> IntArray:
         """Draw the vertices that are drawn in memory."""

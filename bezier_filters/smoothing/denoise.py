@@ -15,16 +15,16 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 
-from bezier_filters.arrays import BoolArray, FloatArray, IntArray, SingleArray
-from bezier_filters.fitting.noise_level import learn_noise_at
+from bezier_filters.arrays import FloatArray, IntArray, SingleArray
+from bezier_filters.fitting.noise_level import MIN_ROUNDING_PER_EDGE, learn_noise_at
 from bezier_filters.meshes.prepared_mesh import PreparedMesh
 from bezier_filters.noise.noise_model import NoiseModel
+from bezier_filters.noise.rounding import Rounding
 from bezier_filters.runtime.parallel import Progress, report
 from bezier_filters.sampling.mesh_parts import MAX_WHOLE_VERTICES, MeshPart, sample_parts, whole_mesh
 from bezier_filters.smoothing.borders import learn_border_noise, restrict_borders
+from bezier_filters.smoothing.chebyshev import DEFAULT_ORDER
 from bezier_filters.smoothing.clusters import Clusters, clusters_of
 from bezier_filters.smoothing.laplacian import Borders, umbrella_laplacian
 from bezier_filters.smoothing.low_pass import (
@@ -36,15 +36,17 @@ from bezier_filters.smoothing.low_pass import (
     max_strength,
     shares_of,
 )
+from bezier_filters.smoothing.move_limits import MAX_MOVE_SIGMAS, limit_moves, small_component_mask
 from bezier_filters.smoothing.noise import (
     DEFAULT_TIME_SCALE,
     MIN_NOISE_PER_EDGE,
     NoiseLevels,
     NoisyMesh,
+    apply_noise_levels,
     learn_noise_levels,
-    local_sigma,
     roughest_vertices,
     roughness,
+    rounding_levels,
 )
 from bezier_filters.smoothing.normal_filter import NoisyNormals, filter_normals, move_to_normals, noisy_normals
 from bezier_filters.smoothing.random_noise import PROBE_SIGN_COLUMN, Correlation
@@ -56,7 +58,8 @@ from bezier_filters.smoothing.risk import (
     overall_risks,
     select_estimates,
 )
-from bezier_filters.smoothing.sliding import TangentialMotion, choose_sliding, limit_moves, restrict_to_normals
+from bezier_filters.smoothing.rounding_errors import SURFACE_STRENGTH, project_on_rounding
+from bezier_filters.smoothing.sliding import TangentialMotion, choose_sliding, restrict_to_normals
 
 # kinds of estimates: the low-pass filter; one bilateral round after a slightly weaker low-pass filter; sharp ones
 LOW_PASS_KIND, WEAK_BILATERAL_KIND = 0, 1
@@ -73,12 +76,7 @@ MIN_RETAINED_GAIN = 3e-4  # the same for estimates that sharper ones may have re
 FADING_EXPONENT, AVERAGING_RINGS, RINGS_PER_ROUND = 7.5, 14, 1.25
 # kind of estimate up to which sharper kinds are tried without a gain: strong noise needs more rounds
 FIRST_SHARP_KIND = WEAK_BILATERAL_KIND + 1
-# Largest move of a vertex in standard deviations of its noise: of normal noise one in two millions is farther, so it is
-# shape. With 2.5 noise on a tenth of a sphere leaves .0250 edges instead of .0234, with 10 as much.
-MAX_MOVE_SIGMAS = 5.0
-# Vertices of a component below which the gain by smoothing, 1 +- sqrt(2) times the variance of the noise per vertex, is
-# less than three standard errors.
-MIN_COMPONENT_VERTICES = 18
+WEAKER_STEPS = 4  # steps by which the filter between projections is weaker, a hundredth: with 3 or 5 all is alike
 PROGRESS_STEPS = 6  # steps that `progress` reports
 
 
@@ -165,7 +163,8 @@ def learn_and_denoise(
     """
     vertices, unit = parts.mesh.vertices, parts.mesh.mean_edge
     sigma = noise.sigma
-    if not (sigma > MIN_NOISE_PER_EDGE * unit and unit > 0.0):
+    least = MIN_NOISE_PER_EDGE if noise.rounding is None else MIN_ROUNDING_PER_EDGE
+    if not (sigma > least * unit and unit > 0.0):
         return None
     center = vertices.mean(axis=0)
     if np.abs(center).max() <= np.ptp(vertices, axis=0).max():
@@ -180,8 +179,11 @@ def learn_and_denoise(
         there = learn_noise_at(parts.mesh, vertices)
         return None if there is None else (there[0] * scale, there[1])
 
-    levels, at_vertices = learn_noise_levels(noisy, laplacian, sigma, unit, noise_at, given=noise.given)
-    noisy = replace(noisy, sigma=at_vertices)
+    if noise.rounding is not None:
+        levels, noisy = rounding_levels(noisy, laplacian, noise.rounding, parts, scale, sigma if noise.given else None)
+    else:
+        levels, at_vertices = learn_noise_levels(noisy, laplacian, sigma, unit, noise_at, given=noise.given)
+        noisy = replace(noisy, sigma=at_vertices)
     report(progress, 1, PROGRESS_STEPS)
     detail = None if options.detail is None else options.detail * scale
     low_pass, filters = learn_low_pass(noisy, options.borders, unit, detail)
@@ -197,7 +199,7 @@ def learn_and_denoise(
         tried_factor = noise_factor(_stack_estimates(noisy, tried), parts.core)
         estimates = _stack_estimates(noisy, tried, tried_factor)
         overall = overall_risks(estimates, parts.core)
-        these = local_risks(clusters, estimates, overall, correlation.variance_inflation)
+        these = local_risks(clusters, estimates, overall, noisy.correlation.variance_inflation)
         if mean_gain(clusters, these, -1) > MIN_RISK_GAIN:
             found, factor, risks = tried, tried_factor, these
         elif candidate.kind > FIRST_SHARP_KIND:
@@ -207,9 +209,11 @@ def learn_and_denoise(
     overall = overall_risks(_stack_estimates(noisy, found, factor), parts.core)
     kinds = tuple(candidate.kind for candidate in found)
     result = _mixture(parts.mesh, noisy, found, factor, overall, scale)
+    if noise.rounding is not None:
+        result = _project_on_rounding(parts, result, filters, noise.rounding, center, scale)
     sliding = TangentialMotion.ALL
     if not options.relax:
-        sliding = choose_sliding(parts, result.points, at_vertices / scale)
+        sliding = choose_sliding(parts, result.points, noisy.sigma / scale)
     # where noise turns faces over, normals of the border are unknown
     across = None if noise.heavy else learn_border_noise(parts, noise.sigma)
     plan = SmoothingPlan(center, scale, clusters.time_scale, levels, low_pass, kinds, factor, overall, sliding, across)
@@ -226,15 +230,30 @@ def denoise(
     """
     scaled = _normalise(part, plan.center, plan.scale)
     clusters = replace(clusters or clusters_of(scaled, plan.cluster_time_scale), time_scale=plan.cluster_time_scale)
-    correlation, at_vertices = plan.noise.correlation, local_sigma(scaled, clusters, plan.noise, plan.low_pass.unit)
-    laplacian = umbrella_laplacian(scaled, "free") if correlation.times else None
-    noisy = NoisyMesh(scaled, clusters, at_vertices, correlation, laplacian)
+    noisy = apply_noise_levels(scaled, clusters, plan.noise, plan.low_pass.unit, part, plan.scale)
     report(progress, 1, PROGRESS_STEPS)
-    estimates = candidates(noisy, fit_low_pass(noisy, plan.low_pass), plan.kinds, progress=progress)
+    filters = fit_low_pass(noisy, plan.low_pass)
+    rounding, weak = plan.noise.rounding, filters if plan.noise.rounding is not None else None
+    estimates = candidates(noisy, filters, plan.kinds, progress=progress)
+    del filters  # for large meshes, memory counts
     found = list(estimates)
     result = _mixture(part.mesh, noisy, found, plan.noise_factor, plan.overall, plan.scale)
+    if rounding is not None and weak is not None:
+        result = _project_on_rounding(part, result, weak, rounding, plan.center, plan.scale)
     report(progress, PROGRESS_STEPS, PROGRESS_STEPS)
     return _restrict(part, result, plan)
+
+
+def _project_on_rounding(
+    part: MeshPart, found: DenoisedMesh, filters: LowPass, rounding: Rounding, center: FloatArray, scale: float
+) -> DenoisedMesh:
+    """The nearest smooth surface that rounding allows; the filters are for coordinates less a center, times a scale."""
+    weak = filters.weaken(WEAKER_STEPS)
+
+    def smooth(points: FloatArray) -> FloatArray:
+        return np.asarray(weak.apply((points - center) * scale) / scale + center)
+
+    return replace(found, points=project_on_rounding(part.mesh, found.points, rounding, smooth))
 
 
 def halo_rings(plan: SmoothingPlan | None) -> int:
@@ -242,12 +261,20 @@ def halo_rings(plan: SmoothingPlan | None) -> int:
     if plan is None:
         return 2
     filters = plan.low_pass
-    # The impulse response of a filter decays edge by edge, at a rate given by its poles; slowest where edges are short.
-    width = filters.strengths.max() ** 0.25 * filters.max_diffusivity  # 0 for filters that change nothing
-    fading = 0.5 * np.sqrt(width) / np.sin(0.5 * np.pi / filters.order)
-    return int(
-        np.ceil(FADING_EXPONENT * fading + AVERAGING_RINGS + RINGS_PER_ROUND * BILATERAL_ROUNDS[max(plan.kinds)])
-    )
+
+    def fading(strength: float, order: int) -> float:
+        """Rings over which the response of a filter to an impulse decays by exp(-1): most where edges are short.
+
+        The rate is given by its poles. It is 0 for filters that change nothing.
+        """
+        return float(0.5 * np.sqrt(strength**0.25 * filters.max_diffusivity) / np.sin(0.5 * np.pi / order))
+
+    strongest = filters.strengths.max()
+    rings = fading(strongest, filters.order)
+    if plan.noise.rounding is not None:
+        weaker = strongest * FILTER_STRENGTHS[1] / FILTER_STRENGTHS[1 + WEAKER_STEPS]
+        rings += fading(SURFACE_STRENGTH, DEFAULT_ORDER) + fading(weaker, filters.order)
+    return int(np.ceil(FADING_EXPONENT * rings + AVERAGING_RINGS + RINGS_PER_ROUND * BILATERAL_ROUNDS[max(plan.kinds)]))
 
 
 def _normalise(part: MeshPart, center: FloatArray, scale: float) -> MeshPart:
@@ -257,22 +284,11 @@ def _normalise(part: MeshPart, center: FloatArray, scale: float) -> MeshPart:
 def _restrict(part: MeshPart, found: DenoisedMesh, plan: SmoothingPlan) -> DenoisedMesh:
     """Restrict the moves of a mesh to its normals, to a multiple of the noise, and to components of enough vertices."""
     sliding = plan.sliding
-    noise = np.where(_small_component_mask(part), 0.0, found.noise)
+    noise = np.where(small_component_mask(part), 0.0, found.noise)
     points = restrict_to_normals(part.mesh, found.points, sliding)
     if plan.border_sigma is not None:
         points = restrict_borders(part.mesh, points, plan.border_sigma, slides=sliding == TangentialMotion.ALL)
     return replace(found, points=limit_moves(part.mesh.vertices, points, MAX_MOVE_SIGMAS * noise), noise=noise)
-
-
-def _small_component_mask(part: MeshPart) -> BoolArray:
-    """Vertices of components with too few vertices to distinguish noise from shape, (n,)."""
-    rows, n = part.mesh.adjacency.vertices, part.mesh.vertex_count
-    graph = csr_array((np.ones(len(rows.indices), np.int8), rows.indices, rows.indptr), shape=(n, n))
-    labels = connected_components(graph, directed=False)[1]
-    sizes = np.bincount(labels)
-    is_small = sizes < MIN_COMPONENT_VERTICES
-    is_small[labels[part.cut]] = False
-    return np.asarray(is_small[labels])
 
 
 def _stack_estimates(noisy: NoisyMesh, found: list[Candidate], factor: float = 1.0) -> Estimates:

@@ -42,6 +42,7 @@ PREFILTER_STEPS = 2  # steps by which a prefilter, the input of another filter's
 PREFERENCE_SHARE = 0.5  # share of a strength above which a vertex prefers it
 MAX_PREFILTER_STRENGTH = 10_000.0  # strength from which on normals hardly improve
 MAX_EDGE_PHASE = 3.8  # largest phase between the ends of an edge: a mesh does not resolve shorter waves
+ROUNDING_PASSES = 3  # passes with four probes each if these are errors of rounding, which differ little over terraces
 SMALL_MESH_VERTICES = 20_000  # on smaller meshes leverages are averaged over more probes
 
 
@@ -84,10 +85,13 @@ class LowPass:
         shares[:, 0] += self.shares[:, 0]
         return replace(self, shares=shares)
 
+    def weaken(self, steps: int) -> "LowPass":
+        """The same filters with strengths so many steps lower."""
+        return replace(self, strengths=self.strengths * (FILTER_STRENGTHS[1] / FILTER_STRENGTHS[1 + steps]))
+
     def prefilter(self, umbrella: Laplacian) -> "LowPass":
         """Weak filters, whose output controls the weights of another filter."""
-        strengths = self.strengths * (FILTER_STRENGTHS[1] / FILTER_STRENGTHS[1 + PREFILTER_STEPS])
-        return replace(self, laplacian=umbrella, order=DEFAULT_ORDER, strengths=strengths)
+        return replace(self.weaken(PREFILTER_STEPS), laplacian=umbrella, order=DEFAULT_ORDER)
 
 
 class _FilterFamily(NamedTuple):
@@ -231,8 +235,9 @@ def _estimates(
     residuals, removed = np.zeros((2, len(vertices), len(strengths)), dtype=np.float32)
     accumulate_residuals(laplacian, np.hstack([vertices, signs]), series, directions, residuals, removed)
     squares = noisy.mean_squares(signs)
-    if noisy.part.vertex_count <= SMALL_MESH_VERTICES or noisy.correlation.times:
-        signs = noisy.probes(SIGNALS_PER_PASS, first=1)
+    passes = int(noisy.part.vertex_count <= SMALL_MESH_VERTICES or not noisy.is_white)
+    for k in range(passes if noisy.errors is None else ROUNDING_PASSES):
+        signs = noisy.probes(SIGNALS_PER_PASS, first=1 + SIGNALS_PER_PASS * k)
         accumulate_residuals(laplacian, signs, series, signs, removed, removed)  # all four add to one sum
         squares += noisy.mean_squares(signs)
     removed /= squares[:, np.newaxis]

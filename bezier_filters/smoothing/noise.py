@@ -12,6 +12,7 @@ import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from bezier_filters.meshes.prepared_mesh import mean_square_edges
+from bezier_filters.noise.rounding import Rounding
 from bezier_filters.runtime.cached_property import cached_property
 from bezier_filters.sampling.mesh_parts import MeshPart
 from bezier_filters.smoothing.chebyshev import low_pass
@@ -26,6 +27,7 @@ from bezier_filters.smoothing.random_noise import (
     random_bits,
     random_signs,
 )
+from bezier_filters.smoothing.rounding_errors import RoundingErrors, rounding_errors
 
 WEAK_STRENGTH, MEDIUM_STRENGTH = np.array([1.0]), np.array([10.0])  # filter strengths for residuals and for normals
 STRONG_STRENGTH = np.array([100.0])  # strength of the filter that rough places do not follow
@@ -34,6 +36,7 @@ ROUGHNESS_RINGS = 32  # rings around a tile that its roughness depends on
 DEFAULT_TIME_SCALE = 0.27
 # Ratio to the largest roughness that counts as a tie: any such vertex will do, but tiles and memory must pick the same.
 ROUGHNESS_TIE_RATIO = 0.98
+PROBE_STREAM, SAMPLE_STREAM = 1, 2  # streams of the shifts of `RoundingErrors`
 TIE_BREAK_STREAM = 101  # stream of the vertex hashes that break ties
 # Quantiles of the levels, and their ratio from which on the noise may vary. With a ratio of 2 depth cameras keep 1.4
 # times as much of their noise; with 1.2 levels are searched on meshes of one noise, too, which takes time.
@@ -64,6 +67,8 @@ class NoiseLevels:
     correlation: Correlation = WHITE  # correlation of neighbouring vertices
     factor: float = 1.0  # ratio of the known to the estimated standard deviation, if the noise varies
     largest: float = np.inf  # bound of estimated levels that vary, a length
+    rounding: Rounding | None = None  # how the coordinates are rounded, if that is the noise
+    gain: float = 1.0  # root mean square of the errors that `RoundingErrors` draws
 
     def subtract_relief(self, levels: FloatArray, edges: FloatArray | float) -> FloatArray:
         """Standard deviation of the noise at vertices, (n,), from levels of noise and relief over edges (n,)."""
@@ -82,6 +87,8 @@ class NoisyMesh:
     sigma: FloatArray  # (n,): standard deviation of the noise around every vertex, positive lengths
     correlation: Correlation = WHITE  # correlation of the noise of neighbouring vertices
     laplacian: Laplacian | None = None  # umbrella Laplacian with free borders, whose heat flow makes correlated noise
+    errors: RoundingErrors | None = None  # if the noise is that of rounded coordinates
+    gain: float = 1.0  # see `NoiseLevels`
 
     @cached_property
     def scale(self) -> FloatArray:
@@ -100,8 +107,15 @@ class NoisyMesh:
             return None
         return np.square(self.scale / local_edges(self.part, self.clusters))
 
+    @property
+    def is_white(self) -> bool:
+        """Whether the noise of different vertices is independent."""
+        return self.errors is None and not self.correlation.times
+
     def probes(self, columns: int, *, first: int = 0) -> SingleArray:
         """Noise of variance 1, (n, columns): random signs if it is white."""
+        if self.errors is not None:
+            return self.errors.draw(columns, first=first, stream=PROBE_STREAM) / np.float32(self.gain)
 
         def signs(part: int) -> SingleArray:
             return random_signs(
@@ -111,7 +125,9 @@ class NoisyMesh:
         return self.correlation.apply(signs, self.laplacian)
 
     def samples(self, columns: int) -> SingleArray:
-        """Noise of variance 1 and normal distribution, (n, columns)."""
+        """Noise of variance 1, (n, columns), of normal distribution if it is not that of rounding."""
+        if self.errors is not None:
+            return self.errors.draw(columns, stream=SAMPLE_STREAM) / np.float32(self.gain)
 
         def numbers(part: int) -> SingleArray:
             return draw_white_noise(self.part.ids, columns, stream=CORRELATED_NOISE_STREAM * (part + 1) if part else 1)
@@ -121,7 +137,7 @@ class NoisyMesh:
     def mean_squares(self, probes: SingleArray) -> SingleArray:
         """Squares of probes (n, columns) around every vertex, summed over the columns, (n,)."""
         squares: SingleArray = np.square(probes).sum(axis=1, dtype=np.float32)
-        if not self.correlation.times:
+        if self.is_white:
             return squares
         return self.clusters.average([squares])[:, 0]
 
@@ -155,6 +171,45 @@ def learn_noise_levels(
             levels = replace(levels, sigma=None, factor=factor, largest=MAX_LEVEL_RATIO * noise_there)
             return levels, levels.subtract_relief(factor * local, local_edges(noisy.part, noisy.clusters))
     return levels, np.full(len(roots), levels.subtract_relief(np.array(sigma), unit))
+
+
+def rounding_levels(
+    noisy: NoisyMesh, laplacian: Laplacian, rounding: Rounding, measured: MeshPart, scale: float, sigma: float | None
+) -> tuple[NoiseLevels, NoisyMesh]:
+    """The noise of rounded coordinates, of a root mean square `sigma` if it is given, and the mesh with it.
+
+    `measured` is the part before its coordinates were multiplied by `scale`, `laplacian` as in `learn_noise_levels`.
+    """
+    unit = measured.mesh.mean_edge
+    errors = rounding_errors(measured, rounding, laplacian, unit)
+    gain, inflation = errors.calibrate(measured.mesh.adjacency.vertices)
+    factor = 1.0
+    if sigma is not None:
+        factor = sigma / (scale * float(np.sqrt(np.square(errors.sigma[measured.core]).mean())))
+    levels = NoiseLevels(None, 1.0, Correlation(variance_inflation=inflation), factor, rounding=rounding, gain=gain)
+    return levels, apply_noise_levels(noisy.part, noisy.clusters, levels, scale * unit, measured, scale, errors)
+
+
+def apply_noise_levels(
+    part: MeshPart,
+    clusters: Clusters,
+    levels: NoiseLevels,
+    unit: float,
+    measured: MeshPart,
+    scale: float,
+    errors: RoundingErrors | None = None,
+) -> NoisyMesh:
+    """A mesh, or a tile, with the noise of the whole mesh, whose mean edge is `unit`.
+
+    `measured` is the part before its coordinates were multiplied by `scale`; its errors of rounding may be given.
+    """
+    needs_laplacian = bool(levels.correlation.times) or levels.rounding is not None
+    laplacian = umbrella_laplacian(part, "free") if needs_laplacian else None
+    if levels.rounding is None or laplacian is None:
+        return NoisyMesh(part, clusters, local_sigma(part, clusters, levels, unit), levels.correlation, laplacian)
+    found = errors or rounding_errors(measured, levels.rounding, laplacian, unit / scale)
+    sigma = levels.factor * scale * found.sigma
+    return NoisyMesh(part, clusters, sigma, levels.correlation, laplacian, found, levels.gain)
 
 
 def local_sigma(part: MeshPart, clusters: Clusters, levels: NoiseLevels, unit: float) -> FloatArray:

@@ -19,6 +19,7 @@ PROBE_SIGN_COLUMN = 32  # first column of random signs that did not serve to sel
 CORRELATED_NOISE_STREAM = 100  # first stream of the random bits for correlated noise
 # triangular lattice on which the correlation of neighbours after heat flow is computed: its size, and the largest time
 LATTICE_SIZE, MAX_DIFFUSION_TIME = 32, 64.0
+MIN_CORRELATION = 1e-3  # of neighbours that counts, and difference from 1
 AREA_PER_VERTEX = 0.87  # area of a mesh per vertex over the squared mean edge
 
 
@@ -94,6 +95,15 @@ class Correlation:
         for part, (time, scale) in enumerate(zip(self.times, self.scales, strict=True), 1):
             result += scale * diffuse(laplacian, draw(part).astype(np.float64), time)
         return result.astype(np.float32)
+
+
+def inflation_by_neighbours(correlation: float) -> float:
+    """How many vertices are as informative as an independent one if the errors of neighbours have a correlation.
+
+    The covariance is taken for a Gaussian of the distance.
+    """
+    curvature = -2.0 * np.log(min(max(correlation, MIN_CORRELATION), 1.0 - MIN_CORRELATION))
+    return max(float(np.pi / AREA_PER_VERTEX / curvature), 1.0)
 
 
 def _diffusion_time(correlation: float) -> float:

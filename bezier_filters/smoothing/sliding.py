@@ -66,18 +66,6 @@ def restrict_to_normals(mesh: PreparedMesh, points: FloatArray, sliding: Tangent
     return _slide(held, points, slides)
 
 
-def limit_moves(vertices: FloatArray, points: FloatArray, most: FloatArray) -> FloatArray:
-    """Points (n, 3) no farther from the vertices than the lengths `most` (n,), in the same directions."""
-    moves = points - vertices
-    lengths = np.linalg.norm(moves, axis=1)
-    too_far = lengths > most
-    if not too_far.any():
-        return points
-    result = points.copy()
-    result[too_far] = vertices[too_far] + (most[too_far] / lengths[too_far])[:, np.newaxis] * moves[too_far]
-    return result
-
-
 def _project_on_normals(mesh: PreparedMesh, points: FloatArray) -> FloatArray:
     held, stars = points.copy(), mesh_stars(mesh)
     run_kernel(_project_moves, len(points), stars, mesh.adjacency.on_boundary, points, held)

@@ -19,8 +19,9 @@ from bezier_filters.meshes.spatial_order import ensure_locality
 from bezier_filters.meshes.unit_size import LENGTH, VOLUME, normalizes_size
 from bezier_filters.patches.patch_fit import PatchFit
 from bezier_filters.runtime.parallel import Progress, runs_on_threads
-from bezier_filters.smoothing.denoise import MAX_MOVE_SIGMAS, SmoothingOptions
+from bezier_filters.smoothing.denoise import SmoothingOptions
 from bezier_filters.smoothing.flipped_faces import bad_faces, repair_flipped_faces
+from bezier_filters.smoothing.move_limits import MAX_MOVE_SIGMAS
 from bezier_filters.smoothing.rounds import denoise_mesh
 from bezier_filters.smoothing.volume import (
     ClosedComponents,

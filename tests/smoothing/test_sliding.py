@@ -6,7 +6,7 @@ from numba import config
 
 from bezier_filters import InvalidParameterError, smooth
 from bezier_filters.scale import FitOptions, smooth_file
-from bezier_filters.smoothing.sliding import limit_moves
+from bezier_filters.smoothing.move_limits import limit_moves
 from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, torus
 
 pytestmark = pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")
