@@ -29,9 +29,11 @@ RESIDUAL_RINGS, RESIDUAL_SAMPLES = 3, 400  # neighbourhoods in whose residuals t
 # Separations of large residuals from small ones: exact places, shape, noise. With 1 noise on 10 to 40 % of 103 meshes
 # leaves 0.275 of its distance from the surface instead of 0.251, with 6 as much.
 MAX_SEPARATIONS = 3
-# Median ratio of residuals to the errors of rounding, or its reciprocal, up to which these are the noise: 0.55 to 1.14
-# on ten meshes of half precision and of three digits.
-MAX_ROUNDING_RATIO = 2.0
+# Bounds of the ratio of residuals, or of the learned noise, to the errors of rounding, between which these are the
+# noise. The median is 0.55 to 1.14 on meshes that are rounded only, 1.35 and more with noise of 0.3 steps, and 0 if
+# coordinates are exact.
+MIN_ROUNDING_RATIO, MAX_ROUNDING_RATIO = 0.5, 1.25
+MIN_PART_RATIO = 2.0  # noise of a part over the errors of rounding from which on it is other noise
 MIN_ROUNDING_PER_EDGE = 1e-3  # standard deviation of these errors over the mean edge that matters: less is not visible
 
 
@@ -88,12 +90,15 @@ def estimate_noise(
     learned = None if leaf is None or _is_coarse(leaf) else leaf.surface.noise
     rounding = source.rounding.rounding
     if source.rounding.variance > 0.0:
-        learned = source.rounding if learned is None else replace(learned, rounding=rounding)
+        if learned is None:
+            learned = source.rounding
+        elif learned.sigma <= MAX_ROUNDING_RATIO * source.rounding.sigma:
+            learned = replace(learned, rounding=rounding)
     elif learned is not None:
         least = MIN_MASKING_NOISE * mean_edge
         variance = 0.0 if rounding is None else _rounding_variance(source, rounding)
         if variance > (MIN_ROUNDING_PER_EDGE * mean_edge) ** 2:
-            least = max(least, MAX_ROUNDING_RATIO * float(np.sqrt(variance)))
+            least = max(least, MIN_PART_RATIO * float(np.sqrt(variance)))
             learned = NoiseModel(variance, outliers=learned.outliers, rounding=rounding)
         if not learned.outliers and learned.sigma <= least:
             of_part = _noise_of_part(source, options)
@@ -133,7 +138,7 @@ def _rounding_variance(source: Neighbourhoods, rounding: Rounding) -> float:
     if not known.any():
         return 0.0
     ratio = float(np.median(residuals[known] / np.sqrt(variances[known])))
-    return float(variances.mean()) if 1.0 / MAX_ROUNDING_RATIO < ratio < MAX_ROUNDING_RATIO else 0.0
+    return float(variances.mean()) if MIN_ROUNDING_RATIO < ratio < MAX_ROUNDING_RATIO else 0.0
 
 
 def _residuals(source: Neighbourhoods) -> tuple[IntArray, FloatArray]:

@@ -110,7 +110,8 @@ def _find_rounding(mesh: PreparedMesh) -> Rounding | None:
     if not mesh.face_count:
         return None
     found: Rounding | None = None
-    steps = coordinate_steps(mesh.vertices)
+    used = mesh.vertices[mesh.planes.normals.any(axis=1)]
+    steps = coordinate_steps(used)
     if (steps > 0.0).any():
         found = _rounding_along(mesh, mesh.vertices, None)
     elif mesh.barriers.any() and (lattice := find_lattice(mesh)) is not None:
@@ -121,8 +122,8 @@ def _find_rounding(mesh: PreparedMesh) -> Rounding | None:
                 break
     if found is not None and found.is_mask:
         return found
-    relative = Rounding(np.zeros(3), digits=significant_digits(mesh.vertices))
-    if (relative.steps_of(mesh.vertices) > MIN_STEP_RATIO * steps).mean() > 0.5:
+    relative = Rounding(np.zeros(3), digits=significant_digits(used))
+    if len(used) and (relative.steps_of(used) > MIN_STEP_RATIO * steps).mean() > 0.5:
         return replace(relative, steps=np.zeros(3) if found is None else found.steps)
     return found
 

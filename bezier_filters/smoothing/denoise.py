@@ -179,11 +179,11 @@ def learn_and_denoise(
         there = learn_noise_at(parts.mesh, vertices)
         return None if there is None else (there[0] * scale, there[1])
 
-    if noise.rounding is not None:
+    if noise.rounding is not None and noise.rounding.has_terraces:
         levels, noisy = rounding_levels(noisy, laplacian, noise.rounding, parts, scale, sigma if noise.given else None)
     else:
         levels, at_vertices = learn_noise_levels(noisy, laplacian, sigma, unit, noise_at, given=noise.given)
-        noisy = replace(noisy, sigma=at_vertices)
+        levels, noisy = replace(levels, rounding=noise.rounding), replace(noisy, sigma=at_vertices)
     report(progress, 1, PROGRESS_STEPS)
     detail = None if options.detail is None else options.detail * scale
     low_pass, filters = learn_low_pass(noisy, options.borders, unit, detail)

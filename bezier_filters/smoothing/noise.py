@@ -139,7 +139,8 @@ class NoisyMesh:
         squares: SingleArray = np.square(probes).sum(axis=1, dtype=np.float32)
         if self.is_white:
             return squares
-        return self.clusters.average([squares])[:, 0]
+        # vertices without faces have no normal, and no errors of rounding along it
+        return np.maximum(self.clusters.average([squares])[:, 0], np.finfo(np.float32).tiny)
 
 
 def learn_noise_levels(
@@ -203,9 +204,10 @@ def apply_noise_levels(
 
     `measured` is the part before its coordinates were multiplied by `scale`; its errors of rounding may be given.
     """
-    needs_laplacian = bool(levels.correlation.times) or levels.rounding is not None
+    has_terraces = levels.rounding is not None and levels.rounding.has_terraces
+    needs_laplacian = bool(levels.correlation.times) or has_terraces
     laplacian = umbrella_laplacian(part, "free") if needs_laplacian else None
-    if levels.rounding is None or laplacian is None:
+    if levels.rounding is None or not levels.rounding.has_terraces or laplacian is None:
         return NoisyMesh(part, clusters, local_sigma(part, clusters, levels, unit), levels.correlation, laplacian)
     found = errors or rounding_errors(measured, levels.rounding, laplacian, unit / scale)
     sigma = levels.factor * scale * found.sigma

@@ -11,7 +11,7 @@ from bezier_filters.meshes.prepared_mesh import prepare_mesh
 from bezier_filters.noise.rounded_coordinates import rounding_noise
 from bezier_filters.noise.rounding import Rounding, significant_digits
 from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, torus
-from stairs import ball_mask
+from stairs import ball_mask, terrain
 
 SURFACE = torus(resolution=24, jitter=0.2)
 
@@ -72,6 +72,18 @@ def test_larger_noise_is_not_that_of_rounding():
     noise = learned(rounded(SURFACE.vertices + heights[:, np.newaxis] * SURFACE.normals, 3), SURFACE.faces)
     assert noise.rounding is None
     assert noise.sigma == pytest.approx(0.05, rel=0.15)
+
+
+@pytest.mark.parametrize("step", [0.2, 1.0])
+@pytest.mark.parametrize("amount", [0.3, 0.6])
+def test_noise_before_rounding_is_removed_with_it(step, amount):
+    """Noise of the size of the steps is not bounded by them."""
+    exact, faces, _, _ = terrain(0.0)
+    heights = np.random.default_rng(0).normal(scale=amount * step, size=len(exact))
+    vertices = exact.copy()
+    vertices[:, 2] = np.round((exact[:, 2] + heights) / step) * step
+    left = smooth(vertices, faces).vertices - exact
+    assert np.square(left[:, 2]).mean() < 0.15 * np.square((vertices - exact)[:, 2]).mean()
 
 
 def test_exact_coordinates_of_few_digits_do_not_move():

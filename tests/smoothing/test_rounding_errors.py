@@ -73,6 +73,25 @@ def test_masks_of_any_spacing_are_smoothed(spacing, most):
     assert result.new_bad_faces == 0
 
 
+@pytest.mark.parametrize("spacing", [(1.0, 1.0, 1.0), (1.0, 1.0, 3.0)])
+def test_a_vertex_without_faces_changes_nothing(spacing):
+    vertices, faces = ball_mask(12, spacing)
+    more = smooth(np.vstack([vertices, [[0.1, 0.2, 0.3]]]), faces).vertices
+    assert rms(np.linalg.norm(more[:-1], axis=1) - 12.0) < 0.5 * rms(np.linalg.norm(vertices, axis=1) - 12.0)
+    np.testing.assert_array_equal(more[-1], [0.1, 0.2, 0.3])
+
+
+def test_edges_of_a_turned_box_are_kept():
+    axes = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]
+    half = np.array([12.0, 9.0, 6.0])
+
+    def outside(points):
+        return (np.abs(points @ axes) - half).max(axis=-1)
+
+    vertices, faces = mask_boundary(lambda x: outside(x) <= 0.0, (17, 17, 17))
+    assert rms(outside(smooth(vertices, faces).vertices)) < 0.5 * rms(outside(vertices))
+
+
 def test_a_turned_mask_is_smoothed_as_well():
     vertices, faces = ball_mask(10, (1.0, 1.0, 3.0))
     turn = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
