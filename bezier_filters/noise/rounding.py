@@ -68,6 +68,8 @@ def significant_digits(vertices: FloatArray) -> tuple[int, int] | None:
     (10, 3)
     """
     values = vertices[vertices != 0.0]
+    if not len(values):
+        return None
     few = values[:: max(len(values) // MAX_SAMPLE, 1)]
     found = [
         (base, next(count for count in range(1, most + 1) if _have_digits(values, base, count)))
