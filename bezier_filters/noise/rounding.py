@@ -10,7 +10,7 @@ import numpy as np
 from bezier_filters.arrays import FloatArray
 
 # Longest over shortest side of voxels that count as cubes. With 1 twelve masks of cubes have faces a tenth less exact,
-# and turned boxes keep 1.7 times as much of their errors; with 3 balls with slices 2 voxels apart 1.1 times.
+# and turned boxes keep 1.7 times as much of their errors; with 3 masks with slices 2 or 3 voxels apart 1.2 times.
 MAX_CUBIC_RATIO = 1.5
 MAX_SAMPLE = 1_000  # numbers that are looked at first
 MAX_DIGITS = {2: 20, 10: 6}  # by base: numbers of more digits are those of single precision, whose errors do not matter
