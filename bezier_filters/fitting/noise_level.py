@@ -88,26 +88,33 @@ def estimate_noise(
     options = FitOptions(robust=robust)
     leaf = learn_without_outliers(source, options, only_noise=True)
     learned = None if leaf is None or _is_coarse(leaf) else leaf.surface.noise
-    rounding = source.rounding.rounding
-    if source.rounding.variance > 0.0:
-        if learned is None:
-            learned = source.rounding
-        elif learned.sigma <= MAX_ROUNDING_RATIO * source.rounding.sigma:
-            learned = replace(learned, rounding=rounding)
-    elif learned is not None:
-        least = MIN_MASKING_NOISE * mean_edge
-        variance = 0.0 if rounding is None else _rounding_variance(source, rounding)
-        if variance > (MIN_ROUNDING_PER_EDGE * mean_edge) ** 2:
-            least = max(least, MIN_PART_RATIO * float(np.sqrt(variance)))
-            learned = NoiseModel(variance, outliers=learned.outliers, rounding=rounding)
-        if not learned.outliers and learned.sigma <= least:
-            of_part = _noise_of_part(source, options)
-            learned = of_part if of_part is not None and of_part.sigma > least else learned
+    stairs = source.rounding if source.rounding.variance > 0.0 else None
+    if stairs is not None and learned is None:
+        learned = stairs
+    elif stairs is not None and learned is not None and learned.sigma <= MAX_ROUNDING_RATIO * stairs.sigma:
+        learned = replace(learned, rounding=stairs.rounding)
+    elif stairs is None and learned is not None:
+        learned = _refine_small_noise(source, options, learned, mean_edge)
     if learned is not None and learned.rounding is None and learned.sigma > MAX_NOISE_PER_EDGE * mean_edge:
         learned = None
     if learned is not None and robust is False:
         learned = replace(learned, outliers=0.0)
     return learned if sigma is None else rescale_noise(learned, sigma)
+
+
+def _refine_small_noise(
+    source: Neighbourhoods, options: FitOptions, learned: NoiseModel, mean_edge: float
+) -> NoiseModel:
+    """The noise of coordinates whose steps have left no stairs, or of a noisy part, or the learned one."""
+    rounding, least = source.rounding.rounding, MIN_MASKING_NOISE * mean_edge
+    variance = 0.0 if rounding is None else _rounding_variance(source, rounding)
+    if variance > (MIN_ROUNDING_PER_EDGE * mean_edge) ** 2:
+        least = max(least, MIN_PART_RATIO * float(np.sqrt(variance)))
+        learned = NoiseModel(variance, outliers=learned.outliers, rounding=rounding)
+    of_part = None
+    if not learned.outliers and learned.sigma <= least:
+        of_part = _noise_of_part(source, options)
+    return of_part if of_part is not None and of_part.sigma > least else learned
 
 
 def _noise_of_part(source: Neighbourhoods, options: FitOptions) -> NoiseModel | None:

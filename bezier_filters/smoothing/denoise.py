@@ -42,6 +42,7 @@ from bezier_filters.smoothing.noise import (
     MIN_NOISE_PER_EDGE,
     NoiseLevels,
     NoisyMesh,
+    add_rounding_errors,
     apply_noise_levels,
     learn_noise_levels,
     roughest_vertices,
@@ -58,7 +59,7 @@ from bezier_filters.smoothing.risk import (
     overall_risks,
     select_estimates,
 )
-from bezier_filters.smoothing.rounding_errors import SURFACE_STRENGTH, project_on_rounding
+from bezier_filters.smoothing.rounding_errors import SURFACE_STRENGTH, project_on_rounding, rounding_errors
 from bezier_filters.smoothing.sliding import TangentialMotion, choose_sliding, restrict_to_normals
 
 # kinds of estimates: the low-pass filter; one bilateral round after a slightly weaker low-pass filter; sharp ones
@@ -74,9 +75,8 @@ MIN_RETAINED_GAIN = 3e-4  # the same for estimates that sharper ones may have re
 # Rings around a tile: those in which a low-pass filter decays by exp(-7.5), those over which risks are averaged (see
 # `AVERAGING_TIME`), and those per round of the normal filter; measured for errors of a hundredth of the noise.
 FADING_EXPONENT, AVERAGING_RINGS, RINGS_PER_ROUND = 7.5, 14, 1.25
-# kind of estimate up to which sharper kinds are tried without a gain: strong noise needs more rounds
-FIRST_SHARP_KIND = WEAK_BILATERAL_KIND + 1
-WEAKER_STEPS = 4  # steps by which the filter between projections is weaker, a hundredth: with 3 or 5 all is alike
+FIRST_SHARP_KIND = WEAK_BILATERAL_KIND + 1  # kinds up to this are tried without a gain: strong noise needs more rounds
+WEAKER_STEPS = 4  # by which filters between projections are weaker; with 3 or 5 masks keep 1.02 or 1.00 times as much
 PROGRESS_STEPS = 6  # steps that `progress` reports
 
 
@@ -180,7 +180,9 @@ def learn_and_denoise(
         return None if there is None else (there[0] * scale, there[1])
 
     if noise.rounding is not None and noise.rounding.has_terraces:
-        levels, noisy = rounding_levels(noisy, laplacian, noise.rounding, parts, scale, sigma if noise.given else None)
+        errors = rounding_errors(parts, noise.rounding, laplacian, unit / scale)
+        levels = rounding_levels(noise.rounding, errors, parts, noise.sigma if noise.given else None)
+        noisy = add_rounding_errors(noisy, levels, errors, scale)
     else:
         levels, at_vertices = learn_noise_levels(noisy, laplacian, sigma, unit, noise_at, given=noise.given)
         levels, noisy = replace(levels, rounding=noise.rounding), replace(noisy, sigma=at_vertices)
@@ -233,13 +235,13 @@ def denoise(
     noisy = apply_noise_levels(scaled, clusters, plan.noise, plan.low_pass.unit, part, plan.scale)
     report(progress, 1, PROGRESS_STEPS)
     filters = fit_low_pass(noisy, plan.low_pass)
-    rounding, weak = plan.noise.rounding, filters if plan.noise.rounding is not None else None
+    rounding, kept = plan.noise.rounding, filters if plan.noise.rounding is not None else None
     estimates = candidates(noisy, filters, plan.kinds, progress=progress)
     del filters  # for large meshes, memory counts
     found = list(estimates)
     result = _mixture(part.mesh, noisy, found, plan.noise_factor, plan.overall, plan.scale)
-    if rounding is not None and weak is not None:
-        result = _project_on_rounding(part, result, weak, rounding, plan.center, plan.scale)
+    if rounding is not None and kept is not None:
+        result = _project_on_rounding(part, result, kept, rounding, plan.center, plan.scale)
     report(progress, PROGRESS_STEPS, PROGRESS_STEPS)
     return _restrict(part, result, plan)
 
@@ -249,11 +251,10 @@ def _project_on_rounding(
 ) -> DenoisedMesh:
     """The nearest smooth surface that rounding allows; the filters are for coordinates less a center, times a scale."""
     weak = filters.weaken(WEAKER_STEPS)
-
-    def smooth(points: FloatArray) -> FloatArray:
-        return np.asarray(weak.apply((points - center) * scale) / scale + center)
-
-    return replace(found, points=project_on_rounding(part.mesh, found.points, rounding, smooth))
+    points = project_on_rounding(
+        part.mesh, found.points, rounding, lambda x: weak.apply((x - center) * scale) / scale + center
+    )
+    return replace(found, points=points)
 
 
 def halo_rings(plan: SmoothingPlan | None) -> int:
@@ -263,10 +264,7 @@ def halo_rings(plan: SmoothingPlan | None) -> int:
     filters = plan.low_pass
 
     def fading(strength: float, order: int) -> float:
-        """Rings over which the response of a filter to an impulse decays by exp(-1): most where edges are short.
-
-        The rate is given by its poles. It is 0 for filters that change nothing.
-        """
+        """Rings over which the response to an impulse decays by exp(-1), at a rate given by the poles of the filter."""
         return float(0.5 * np.sqrt(strength**0.25 * filters.max_diffusivity) / np.sin(0.5 * np.pi / order))
 
     strongest = filters.strengths.max()

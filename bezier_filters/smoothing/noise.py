@@ -174,44 +174,36 @@ def learn_noise_levels(
     return levels, np.full(len(roots), levels.subtract_relief(np.array(sigma), unit))
 
 
-def rounding_levels(
-    noisy: NoisyMesh, laplacian: Laplacian, rounding: Rounding, measured: MeshPart, scale: float, sigma: float | None
-) -> tuple[NoiseLevels, NoisyMesh]:
-    """The noise of rounded coordinates, of a root mean square `sigma` if it is given, and the mesh with it.
+def rounding_levels(rounding: Rounding, errors: RoundingErrors, measured: MeshPart, sigma: float | None) -> NoiseLevels:
+    """The noise of rounded coordinates, of a root mean square `sigma`, a length, if it is given.
 
-    `measured` is the part before its coordinates were multiplied by `scale`, `laplacian` as in `learn_noise_levels`.
+    `errors` are those of `measured`, a part before its coordinates are scaled.
     """
-    unit = measured.mesh.mean_edge
-    errors = rounding_errors(measured, rounding, laplacian, unit)
     gain, inflation = errors.calibrate(measured.mesh.adjacency.vertices)
-    factor = 1.0
-    if sigma is not None:
-        factor = sigma / (scale * float(np.sqrt(np.square(errors.sigma[measured.core]).mean())))
-    levels = NoiseLevels(None, 1.0, Correlation(variance_inflation=inflation), factor, rounding=rounding, gain=gain)
-    return levels, apply_noise_levels(noisy.part, noisy.clusters, levels, scale * unit, measured, scale, errors)
+    factor = 1.0 if sigma is None else sigma / float(np.sqrt(np.square(errors.sigma[measured.core]).mean()))
+    return NoiseLevels(None, 1.0, Correlation(variance_inflation=inflation), factor, rounding=rounding, gain=gain)
+
+
+def add_rounding_errors(noisy: NoisyMesh, levels: NoiseLevels, errors: RoundingErrors, scale: float) -> NoisyMesh:
+    """A mesh with the noise of rounded coordinates; `errors` are those of the mesh before it was scaled."""
+    sigma = levels.factor * scale * errors.sigma
+    return replace(noisy, sigma=sigma, correlation=levels.correlation, errors=errors, gain=levels.gain)
 
 
 def apply_noise_levels(
-    part: MeshPart,
-    clusters: Clusters,
-    levels: NoiseLevels,
-    unit: float,
-    measured: MeshPart,
-    scale: float,
-    errors: RoundingErrors | None = None,
+    part: MeshPart, clusters: Clusters, levels: NoiseLevels, unit: float, measured: MeshPart, scale: float
 ) -> NoisyMesh:
     """A mesh, or a tile, with the noise of the whole mesh, whose mean edge is `unit`.
 
-    `measured` is the part before its coordinates were multiplied by `scale`; its errors of rounding may be given.
+    `measured` is the part before its coordinates were multiplied by `scale`.
     """
-    has_terraces = levels.rounding is not None and levels.rounding.has_terraces
-    needs_laplacian = bool(levels.correlation.times) or has_terraces
-    laplacian = umbrella_laplacian(part, "free") if needs_laplacian else None
-    if levels.rounding is None or not levels.rounding.has_terraces or laplacian is None:
-        return NoisyMesh(part, clusters, local_sigma(part, clusters, levels, unit), levels.correlation, laplacian)
-    found = errors or rounding_errors(measured, levels.rounding, laplacian, unit / scale)
-    sigma = levels.factor * scale * found.sigma
-    return NoisyMesh(part, clusters, sigma, levels.correlation, laplacian, found, levels.gain)
+    if levels.rounding is not None and levels.rounding.has_terraces:
+        laplacian = umbrella_laplacian(part, "free")
+        errors = rounding_errors(measured, levels.rounding, laplacian, unit / scale)
+        return add_rounding_errors(NoisyMesh(part, clusters, errors.sigma), levels, errors, scale)
+    sigma = local_sigma(part, clusters, levels, unit)
+    of_heat = umbrella_laplacian(part, "free") if levels.correlation.times else None
+    return NoisyMesh(part, clusters, sigma, levels.correlation, of_heat)
 
 
 def local_sigma(part: MeshPart, clusters: Clusters, levels: NoiseLevels, unit: float) -> FloatArray:
