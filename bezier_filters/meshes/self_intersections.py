@@ -190,12 +190,12 @@ def _find_cuts(
         box = _next_box(vertices, faces, f, boxes, -1)
         while box >= 0:
             q = boxes.row[box]
-            result[q] = result[q] or (f != first + q and _cut(vertices, faces, names, first + q, f))
+            result[q] = result[q] or (f != first + q and is_cut(vertices, faces, names, first + q, f))
             box = _next_box(vertices, faces, f, boxes, box)
 
 
 @inner_jit()
-def _cut(vertices: FloatArray, faces: IntArray, names: IntArray, f: int, g: int) -> bool:
+def is_cut(vertices: FloatArray, faces: IntArray, names: IntArray, f: int, g: int) -> bool:
     """Whether two faces intersect."""
     shared = 0
     for k in range(3):

@@ -130,12 +130,12 @@ def sort_spatially(mesh: TriangleMesh) -> SpatialOrder:
     order, rank = np.empty(n, dtype=np.int32), np.empty(n, dtype=np.int32)
     cells = grid.cells(mesh.vertices)
     ends = np.zeros(grid.cell_count + 1, dtype=np.int32)
-    _sort_by_cell(cells, ends, order)
+    sort_by_cell(cells, ends, order)
     vertices, faces = np.empty_like(mesh.vertices), np.empty_like(mesh.faces)
     run_kernel(_move_vertices, n, mesh.vertices, order, rank, vertices)
     ends[:] = 0
     face_order = np.empty(m, dtype=np.int32)
-    _sort_by_cell(cells[mesh.faces[:, 0]], ends, face_order)
+    sort_by_cell(cells[mesh.faces[:, 0]], ends, face_order)
     run_kernel(_move_faces, m, mesh.faces, face_order, rank, faces)
     return SpatialOrder(TriangleMesh(vertices, faces), order)
 
@@ -171,7 +171,7 @@ def _spread_bits(x: int) -> int:
 
 
 @jit()
-def _sort_by_cell(cells: IntArray, ends: IntArray, order: IntArray) -> None:
+def sort_by_cell(cells: IntArray, ends: IntArray, order: IntArray) -> None:
     """Write the indices of all items in the order of their cells (counting sort); `ends` is zeroed work space."""
     for i in range(cells.shape[0]):
         ends[cells[i] + 1] += 1

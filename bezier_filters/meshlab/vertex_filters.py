@@ -298,9 +298,10 @@ def apply_coord_bezier_patch_smoothing(
         ``volume_after`` (length^3) and ``volume_ratio`` (None if nothing is closed), ``topology`` (what pymeshlab
         counts, as in `meshing_close_holes_by_bezier_patch`; it says which vertices are on the border, or on edges of
         more than two faces, which the paper's method holds), ``mean_edge``, ``flipped_before``, ``flipped_after``,
-        ``degenerate_before``, ``degenerate_after`` and ``new_bad_faces`` (numbers of faces), ``attributes`` (names
-        written), ``quality``, ``unit``, ``statistics`` (min, median, max and mean of the quality), ``seconds`` (read,
-        fit, topology, write, color) and, if coloured, ``color_range`` and ``colormap``. It can be written as JSON.
+        ``degenerate_before``, ``degenerate_after``, ``new_bad_faces`` and ``new_intersecting_faces`` (numbers of
+        faces), ``attributes`` (names written), ``quality``, ``unit``, ``statistics`` (min, median, max and mean of the
+        quality), ``seconds`` (read, fit, topology, write, color) and, if coloured, ``color_range`` and ``colormap``.
+        It can be written as JSON.
 
     Examples
     --------

@@ -42,6 +42,7 @@ from bezier_filters.scale.stored_surface import (
 from bezier_filters.scale.tiles import Tile, TileReport, open_tile, table_of
 from bezier_filters.smoothing.denoise import SmoothingOptions
 from bezier_filters.smoothing.flipped_faces import bad_faces, repair_flipped_faces
+from bezier_filters.smoothing.intersections import reduce_intersections
 from bezier_filters.smoothing.rounds import denoise_surface
 from bezier_filters.smoothing.smooth import (
     SmoothedBorders,
@@ -238,7 +239,7 @@ def finish_tile(
         amounts = local_movement(omit_outliers(mesh, points), points) * movable_vertices(mesh, fixed)
         of_components = np.array(steps.memory_map()[numbers])
         points = apply_moves(components, points, of_components, outward_moves(mesh.move(points), amounts))
-    points = repair_flipped_faces(mesh, points)
+    points, _ = reduce_intersections(mesh, repair_flipped_faces(mesh, points))
     of_tile = part.faces_of_tile()
     volume = 0.0
     if components is not None:

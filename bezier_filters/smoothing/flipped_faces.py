@@ -15,6 +15,7 @@ DEGENERATE_AREA_RATIO = 1e-7  # twice the area over the squared longest edge of 
 MAX_REPAIR_ROUNDS = 60  # far more than any mesh without many bad faces needs
 # rings around a bad face whose vertices may be the cause; the result at a vertex depends on a few times as many rings
 REPAIR_RINGS = 4
+LEAST_SHARE = 0.1  # of a move, below which its vertex stays
 NEW_BAD_FACE_WEIGHT = 4  # extra weight of a new bad face over one that was bad before
 
 
@@ -86,6 +87,6 @@ def repair_flipped_faces(mesh: PreparedMesh, points: FloatArray) -> FloatArray:
         for _ in range(REPAIR_RINGS):
             spent[rows.indices[np.repeat(spent & (share == 0.0), rows.lengths)]] = True
         chosen |= spent
-        share[chosen] = np.where(share[chosen] < 0.1, 0.0, 0.5 * share[chosen])
+        share[chosen] = np.where(share[chosen] < LEAST_SHARE, 0.0, 0.5 * share[chosen])
         result = mesh.vertices + share[:, np.newaxis] * (points - mesh.vertices)
     return best

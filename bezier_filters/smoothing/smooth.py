@@ -21,6 +21,7 @@ from bezier_filters.patches.patch_fit import PatchFit
 from bezier_filters.runtime.parallel import Progress, runs_on_threads
 from bezier_filters.smoothing.denoise import SmoothingOptions
 from bezier_filters.smoothing.flipped_faces import bad_faces, repair_flipped_faces
+from bezier_filters.smoothing.intersections import reduce_intersections
 from bezier_filters.smoothing.move_limits import MAX_MOVE_SIGMAS
 from bezier_filters.smoothing.rounds import denoise_mesh
 from bezier_filters.smoothing.volume import (
@@ -77,6 +78,9 @@ class SmoothingResult:
         Faces without area.
     new_bad_faces : int
         Faces that are flipped or degenerate, and were not before; 0 unless four times as many were repaired.
+    new_intersecting_faces : int
+        Faces that intersect others, and intersected none before; 0 unless smaller moves, which are tried, do not help.
+        Not counted with ``method="paper"``.
     """
 
     vertices: FloatArray = field(metadata=LENGTH)
@@ -98,6 +102,7 @@ class SmoothingResult:
     degenerate_before: int
     degenerate_after: int
     new_bad_faces: int
+    new_intersecting_faces: int
 
     @property
     def volume_ratio(self) -> float | None:
@@ -291,6 +296,9 @@ def smooth(
         if keeps_volume:
             unlike = volume_not_restored(components, without, mesh.move(points), known.sigma if known else 0.0)
             points = np.where(unlike[:, np.newaxis], mesh.vertices, points)
+        new_intersecting = 0
+        if method == "auto":
+            points, new_intersecting = reduce_intersections(mesh, points)
         smoothed = mesh.move(points)
         volumes_after = component_volumes(components, smoothed)
         left = learn_mesh_noise(smoothed)
@@ -315,6 +323,7 @@ def smooth(
             degenerate_before=int(bad_before.degenerate.sum()),
             degenerate_after=int(bad_after.degenerate.sum()),
             new_bad_faces=int(bad_after.new_since(bad_before).sum()),
+            new_intersecting_faces=new_intersecting,
         )
 
 
