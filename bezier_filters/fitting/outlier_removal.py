@@ -9,6 +9,7 @@ from bezier_filters.fitting.fallbacks import MAX_EXTRA_RINGS, FitAttempt, fallba
 from bezier_filters.fitting.vertex_geometry import VertexGeometry, empty_geometry
 from bezier_filters.kernels.kernel_input import KernelMesh, recompute_barriers, replace_vertices
 from bezier_filters.meshes.spikes import move_folded_vertices
+from bezier_filters.noise.outliers import MIN_STANDING_PART
 from bezier_filters.patches.patch_fit import PatchFit
 from bezier_filters.sampling.neighbourhood_samples import MAX_FLIPPED_BY_OUTLIERS
 from bezier_filters.status import FitStatus
@@ -54,7 +55,18 @@ def move_outliers(mesh: KernelMesh, hidden_barriers: BoolArray | None = None) ->
     deviations = _geometric_means(mesh, np.maximum(distances, least), geometry.rings_used > 0)
     is_far = distances > OUTLIER_SIGMAS / NORMAL_GEOMETRIC_MEAN * deviations
     is_far &= ~(mesh.barriers | _is_on_edge(mesh, moves))
+    is_far &= _stands_out(mesh, moves)
     return replace_vertices(mesh, np.where(is_far[:, np.newaxis], mesh.vertices + moves, mesh.vertices))
+
+
+def _stands_out(mesh: KernelMesh, moves: FloatArray) -> BoolArray:
+    """Whether most neighbours are on the other side of the middle of each move, (n,)."""
+    lengths = np.linalg.norm(moves, axis=1)
+    starts = np.repeat(np.arange(len(moves)), np.diff(mesh.ring_ptr))
+    heights = np.einsum("ij,ij->i", mesh.vertices[mesh.ring_indices] - mesh.vertices[starts], moves[starts])
+    is_beyond = heights > MIN_STANDING_PART * np.square(lengths)[starts]
+    result: BoolArray = 2 * np.bincount(starts[is_beyond], minlength=len(moves)) >= np.diff(mesh.ring_ptr)
+    return result
 
 
 def _attempts() -> list[FitAttempt]:

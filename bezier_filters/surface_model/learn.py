@@ -12,7 +12,7 @@ import numpy as np
 from bezier_filters.arrays import IntArray
 from bezier_filters.noise.neighbourhoods import Neighbourhoods
 from bezier_filters.noise.noise_evidence import learn_noise_covariance
-from bezier_filters.noise.outliers import OUTLIER_RINGS, outlier_share
+from bezier_filters.noise.outliers import OUTLIER_RINGS, STANDING_PLACES, outlier_share, stand_out
 from bezier_filters.sampling.neighbourhood_samples import (
     NORMAL_CHECK_RINGS,
     NeighbourhoodSample,
@@ -92,6 +92,8 @@ def learn_surface(
             # many unusable neighbourhoods: outliers may be the cause
             has_many = (~sample.usable[:, OUTLIER_RINGS]).mean() > MAX_UNUSABLE_FRACTION
             outliers = outlier_share(sample_at(OUTLIER_RINGS, count, "tolerant") if has_many else sample)
+            if outliers and not stand_out(sample_at(OUTLIER_RINGS, STANDING_PLACES, "tolerant")):
+                outliers = 0.0
         # by itself first: corrections of narrow rings by wider ones do not matter for the decision to continue
         alone = fit_leaf(found, any_rings, correlated or estimate_white_noise(analyses), heavy=heavy, outliers=outliers)
         if alone is not None:

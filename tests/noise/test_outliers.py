@@ -8,6 +8,8 @@ from scanner_noise import mean_edge_of
 from bezier_filters import triangle_mesh
 from bezier_filters.fitting.noise_level import learn_mesh_noise
 from bezier_filters.meshes.prepared_mesh import prepare_mesh
+from bezier_filters.noise.outliers import stand_out
+from bezier_filters.sampling.neighbourhood_samples import NeighbourhoodSample
 
 
 @pytest.mark.parametrize("make", [star, bent_torus, block])
@@ -60,3 +62,21 @@ def test_noise_that_ends_has_no_outliers(make):
     heights = np.random.default_rng(1).standard_normal(len(shape[0])) * (shape[0][:, 0] > np.median(shape[0][:, 0]))
     mesh = triangle_mesh(*with_heights(shape, 0.1 * heights))
     assert learn_mesh_noise(prepare_mesh(mesh)).outliers == 0.0
+
+
+@pytest.mark.parametrize(("like_it", "expected"), [(0, True), (2, True), (4, False), (6, False)])
+def test_most_neighbours_of_outliers_are_on_the_surface(like_it, expected):
+    """Planes with a raised center, next to so many raised neighbours in the mesh."""
+    count, rng = 200, np.random.default_rng(0)
+    angles = np.arange(6) * np.pi / 3.0
+    hexagon = np.column_stack([np.cos(angles), np.sin(angles)])
+    flat = np.concatenate([np.zeros((1, 2)), *(k * hexagon for k in (1, 2, 3)), rng.uniform(-3, 3, (18, 2))])
+    points = np.zeros((count, len(flat), 3))
+    points[..., :2] = flat
+    points[..., 2] = 0.01 * rng.standard_normal(points.shape[:2])
+    points[:, 0, 2] += 1.0
+    points[:, 1 : 1 + like_it, 2] += 1.0
+    sizes = np.tile(np.array([1, 7, 13, len(flat)], dtype=np.int32), (count, 1))
+    usable = np.ones(sizes.shape, dtype=np.bool_)
+    sample = NeighbourhoodSample(np.arange(count, dtype=np.int32), points, sizes, usable, usable, np.zeros(count))
+    assert stand_out(sample) == expected
