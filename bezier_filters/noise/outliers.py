@@ -97,7 +97,7 @@ def _residuals(points: FloatArray, present: BoolArray) -> tuple[FloatArray, Floa
     heights, weights = points[..., 2:], present.astype(np.float64)
     (result, relative), rows = np.zeros((2, *present.shape)), np.arange(len(points))
     for k in range(BIWEIGHT_ROUNDS + 1):
-        residuals = _studentised_residuals(design[rows], heights[rows], weights[rows], present[rows])
+        residuals = _fit_residuals(design[rows], heights[rows], weights[rows], present[rows])
         least = np.maximum(MIN_SIGMA_RADII * radius[rows], TINY_SIGMA)
         result[rows] = residuals
         relative[rows] = residuals / np.maximum(_scales(np.abs(residuals), present[rows]), least)
@@ -109,9 +109,7 @@ def _residuals(points: FloatArray, present: BoolArray) -> tuple[FloatArray, Floa
     return result, relative
 
 
-def _studentised_residuals(
-    design: FloatArray, heights: FloatArray, weights: FloatArray, present: BoolArray
-) -> FloatArray:
+def _fit_residuals(design: FloatArray, heights: FloatArray, weights: FloatArray, present: BoolArray) -> FloatArray:
     """Studentised residuals of weighted fits, of equal variance under white noise, lengths (k, n)."""
     weighted = weights[..., np.newaxis] * design
     transposed = weighted.transpose(0, 2, 1)

@@ -79,8 +79,8 @@ class SmoothingResult:
     new_bad_faces : int
         Faces that are flipped or degenerate, and were not before; 0 unless four times as many were repaired.
     new_intersecting_faces : int
-        Faces that intersect others, and intersected none before; 0 unless smaller moves, which are tried, do not help.
-        Not counted with ``method="paper"``.
+        Faces that intersect others, where no face at their corners did before; 0 unless smaller moves, which are tried,
+        do not help. Not counted with ``method="paper"``.
     """
 
     vertices: FloatArray = field(metadata=LENGTH)
@@ -291,14 +291,12 @@ def smooth(
         if keeps_volume:
             amounts = local_movement(without, points) * movable
             points = restore_volumes(components, mesh.move(points), volumes_before, amounts)
+        new_intersecting = 0
         if method == "auto":
-            points = repair_flipped_faces(mesh, points)
+            points, new_intersecting = reduce_intersections(mesh, repair_flipped_faces(mesh, points))
         if keeps_volume:
             unlike = volume_not_restored(components, without, mesh.move(points), known.sigma if known else 0.0)
             points = np.where(unlike[:, np.newaxis], mesh.vertices, points)
-        new_intersecting = 0
-        if method == "auto":
-            points, new_intersecting = reduce_intersections(mesh, points)
         smoothed = mesh.move(points)
         volumes_after = component_volumes(components, smoothed)
         left = learn_mesh_noise(smoothed)
