@@ -126,10 +126,15 @@ class HoleTask:
     normals: FloatArray  # (b, 3): unit normals of the vertices of the region, zero where they are unknown
     noisy: bool  # whether the vertices are smoothed rather than interpolated
 
+    @property
+    def continues_creases(self) -> bool:
+        """Whether sharp edges at the rim are looked for: under noise only if the surface without it may have some."""
+        return self.mesh.creases and not (self.noisy and self.region.noise_free is None)
+
 
 def _auto_attempts(task: HoleTask) -> Iterator[Attempt]:
     """Fills that continue creases, if creases run into the hole; then smooth fills, each simpler than the last."""
-    if task.mesh.creases:
+    if task.continues_creases:
         yield from crease_attempts(task.region, noisy=task.noisy)
     yield from smooth_attempts(task.region, task.normals, noisy=task.noisy)
 
@@ -138,7 +143,7 @@ def _paper_attempts(task: HoleTask) -> Iterator[Attempt]:
     """The paper's fills: a patch for each sub-hole between creases, then one patch; then smooth fills."""
     mesh = task.mesh
     fill_sub_hole = partial(paper_fill, alpha=mesh.alpha, correction=mesh.correction, refined=mesh.refine)
-    if mesh.creases:
+    if task.continues_creases:
         for attempt in crease_attempts(task.region, noisy=task.noisy, fill_sub_hole=fill_sub_hole):
             yield replace(attempt, kind="paper")
     fill = fill_sub_hole(task.region)

@@ -1,8 +1,9 @@
 """Hole detection: border loops, their classification as holes or outer rims, islands, and the choice of holes.
 
 The total geodesic curvature of a border, seen from its surface, distinguishes holes from outer rims: by Gauss-Bonnet it
-is -2 pi around a hole in a plane, 0 at the end of a tube and 2 pi around a flat sheet. An outer rim inside a hole, near
-its plane and with the same orientation, is the border of an island.
+is -2 pi around a hole in a plane, 0 at the end of a tube and 2 pi around a flat sheet. Noise of the border increases
+it, so an outer rim must be one by the surface around it, too (`rim_turning`). An outer rim inside a hole, near its
+plane and with the same orientation, is the border of an island.
 """
 
 from collections.abc import Sequence
@@ -19,8 +20,10 @@ from bezier_filters.arguments import brief_repr
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError, is_integer, is_real
 from bezier_filters.holes.loops import angle_sums, diameter, plane_axes, points_in_polygon, vector_area
+from bezier_filters.holes.rim_turning import smooth_turning
 from bezier_filters.meshes.half_edges import BorderEdges, border_edges, coincident_border_edges, cycles
 from bezier_filters.meshes.mesh import TriangleMesh, check_selection
+from bezier_filters.meshes.neighbourhoods import search_workspace
 from bezier_filters.meshes.prepared_mesh import PreparedMesh
 from bezier_filters.meshes.self_intersections import faces_in_boxes
 from bezier_filters.meshes.triangles import area_vectors
@@ -76,8 +79,12 @@ def find_holes(mesh: PreparedMesh) -> list[Hole]:
     n, doubled = mesh.vertex_count, coincident_border_edges(mesh, border)
     cracks = np.sort((border.start * np.int64(n) + border.end)[doubled])
     loops, rest = _border_loops(mesh, border)
+    room = search_workspace(n)
     for loop, gaps in loops:
         turning = float((gaps - pi).sum())
+        if turning > MIN_OUTER_RIM_TURNING:  # noise of the border increases its turning
+            smooth = smooth_turning(mesh, loop, room)
+            turning = turning if smooth is None else min(turning, smooth)
         # Sheets that touch at a vertex share one loop, but each has its own rim.
         rims = simple_loops(loop) if turning > MIN_OUTER_RIM_TURNING else [loop]
         for rim in rims:

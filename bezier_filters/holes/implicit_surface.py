@@ -28,7 +28,8 @@ from bezier_filters.holes.restricted_likelihood import (
 from bezier_filters.runtime.jit import inner_jit, jit, short_jit
 
 KERNEL_POWERS = (3, 5)
-# Every third point decides on the power, if it raises the likelihood of each value there by a factor of e^(1/2).
+# Every third point decides on the power, if it raises the likelihood of each value there by a factor of e^(1/2), and
+# where the search for the noise ratio begins.
 PILOT_STRIDE = 3
 INTERPOLATION_RATIO = 1e-13  # noise ratio without noise: the smallest for which the matrix is numerically definite
 NOISE_RATIOS = tuple(10.0**power for power in range(-8, 1))  # candidates for noisy points
@@ -77,20 +78,31 @@ def fit_implicit_surface(
     """
     further = np.empty((0, 3)) if others is None else others
     powers: tuple[int, ...] = KERNEL_POWERS
-    if not noisy:
-        pilot = _fit_powers(
-            points[::PILOT_STRIDE], normals[::PILOT_STRIDE], further[:0], offset, KERNEL_POWERS, noisy=False
-        )
-        if len(pilot) == len(KERNEL_POWERS) and abs(pilot[0][0] - pilot[1][0]) > 3 * len(points[::PILOT_STRIDE]):
-            powers = (min(pilot, key=itemgetter(0))[1].power,)
-    fits = _fit_powers(points, normals, further, offset, powers, noisy=noisy)
+    few, ratio = slice(None, None, PILOT_STRIDE), None
+    pilot = _fit_powers(points[few], normals[few], further[:0], offset, KERNEL_POWERS, noisy=noisy)
+    if len(pilot) == len(KERNEL_POWERS):
+        best = min(pilot, key=itemgetter(0))[1]
+        ratio = best.noise_ratio
+        if abs(pilot[0][0] - pilot[1][0]) > 3 * len(points[few]):
+            powers = (best.power,)
+    fits = _fit_powers(points, normals, further, offset, powers, ratio, noisy=noisy)
     return min(fits, key=itemgetter(0))[1] if fits else None
 
 
 def _fit_powers(
-    points: FloatArray, normals: FloatArray, others: FloatArray, offset: float, powers: tuple[int, ...], *, noisy: bool
+    points: FloatArray,
+    normals: FloatArray,
+    others: FloatArray,
+    offset: float,
+    powers: tuple[int, ...],
+    ratio: float | None = None,
+    *,
+    noisy: bool,
 ) -> list[tuple[float, ImplicitSurface]]:
-    """Surfaces for each power, without the powers that have none, and the REML criterion of each."""
+    """Surfaces for each power, without the powers that have none, and the REML criterion of each.
+
+    The search for the noise ratio starts at a given one.
+    """
     if 3 * len(points) < 20:
         return []
     count = 3 * len(points) + len(others)
@@ -112,11 +124,8 @@ def _fit_powers(
     if noisy:
         apply_on_both_sides(errors, reflectors)
     target = reflectors.apply(values)
-    ratios, start, result = (
-        NOISE_RATIOS if noisy else (INTERPOLATION_RATIO,),
-        len(NOISE_RATIOS) // 2 if noisy else 0,
-        [],
-    )
+    ratios, result = NOISE_RATIOS if noisy else (INTERPOLATION_RATIO,), []
+    start = ratios.index(ratio) if ratio in ratios else len(ratios) // 2
     for power in powers:
         _write_kernel(centers, power, transformed)
         size = apply_on_both_sides(transformed, reflectors)
@@ -127,10 +136,10 @@ def _fit_powers(
         start, (measure, contrasts) = _local_minimum(criterion, len(ratios), start)
         if not np.isfinite(measure):
             continue
-        quadratic, ratio = target[:QUADRATIC_TERMS].copy(), ratios[start]
-        solve_trend(transformed, errors, ratio * size, contrasts, reflectors.triangle, quadratic)
+        quadratic, found = target[:QUADRATIC_TERMS].copy(), ratios[start]
+        solve_trend(transformed, errors, found * size, contrasts, reflectors.triangle, quadratic)
         weights = reflectors.apply_transpose(np.concatenate([np.zeros(QUADRATIC_TERMS), contrasts]))
-        result.append((measure, ImplicitSurface(origin, scale, centers, weights, quadratic, power, ratio)))
+        result.append((measure, ImplicitSurface(origin, scale, centers, weights, quadratic, power, found)))
     return result
 
 

@@ -21,8 +21,9 @@ from bezier_filters.runtime.cached_property import cached_property
 from bezier_filters.runtime.jit import jit, short_jit
 
 INFLUENCE_RINGS = 5  # rings around a hole that determine its fill
-# standard deviation of the noise, in edges, from which points are smoothed: face normals have errors of some 4 degrees
-MIN_SMOOTHED_NOISE = 0.05
+# Standard deviation of the noise, in edges, from which points are smoothed. With noise of 0.005 edges fills of holes of
+# 8 and 15 edges are 0.9 and 3.7 times the noise from a ball; with 0.01 they are interpolated, and 2.2 and 8.9 times.
+MIN_SMOOTHED_NOISE = 0.001
 # number of points that a surface is fitted to: proportional to the rim, within bounds
 POINTS_PER_RIM_EDGE, MIN_SURFACE_POINTS, MAX_SURFACE_POINTS = 3, 60, 300
 NOISY_SURFACE_POINTS = 350  # the same on noisy meshes, for any rim: averaging needs more points

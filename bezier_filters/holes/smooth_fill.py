@@ -70,7 +70,8 @@ def _surface_attempt(fill: Fill, region: InfluenceRegion, normals: FloatArray, *
     projected = project_to_surface(fill, region, surface)
     if projected is None:
         return Attempt("surface", None, "the surface around the hole does not continue into it")
-    return Attempt("surface", attach_to_rim(projected, region, surface))
+    # in noise the rim does not lie on the surface, and a fill that follows it would have its noise
+    return Attempt("surface", projected if noisy else attach_to_rim(projected, region, surface))
 
 
 def _fairest_fill(fill: Fill, region: InfluenceRegion, order: int) -> Fill:

@@ -23,7 +23,7 @@ from bezier_filters.holes.fill_methods import (
 )
 from bezier_filters.holes.hole_filling import fill_holes
 from bezier_filters.holes.smooth_fill import Attempt, initial_fill
-from bezier_filters.surfaces import block_with_sharp_edges, sphere
+from bezier_filters.surfaces import block_with_sharp_edges, sphere, torus
 
 
 @given(st.integers(0, 10**6), st.integers(0, 40))
@@ -139,3 +139,19 @@ def test_a_further_method_is_a_function_and_a_line_in_the_table(monkeypatch):
     result = fill_holes(vertices, faces, "soap")
     assert [hole.method for hole in result.holes if hole.filled] == ["soap"]
     assert np.abs(result.vertices[:, 2]).max() < 1e-9
+
+
+def test_smooth_surfaces_have_no_creases_in_noise():
+    ring = torus(resolution=60)
+    edge = np.linalg.norm(ring.vertices[ring.faces[:, 0]] - ring.vertices[ring.faces[:, 1]], axis=1).mean()
+    rng = np.random.default_rng(0)
+    centers = ring.vertices[ring.faces].mean(axis=1)
+    places = ring.vertices[rng.choice(len(ring.vertices), 12, replace=False)]
+    near = np.linalg.norm(centers[:, np.newaxis] - places, axis=2) < rng.uniform(1.5, 3.5, 12) * edge
+    noisy = ring.vertices + 0.2 * edge * rng.standard_normal((len(ring.vertices), 1)) * ring.normals
+    result = fill_holes(noisy, ring.faces[~near.any(axis=1)])
+    assert {hole.method for hole in result.holes} <= {"surface", "flat"}
+    added = result.vertices[len(noisy) :]
+    big, small = 1.0, float(np.abs(ring.vertices[:, 2]).max())
+    heights = np.hypot(np.hypot(added[:, 0], added[:, 1]) - big, added[:, 2]) - small
+    assert np.sqrt(np.square(heights).mean()) < 0.1 * edge

@@ -3,6 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from hole_cases import sheet, without_faces_near, without_squares
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from bezier_filters import boundary_loops, fill_holes, triangle_mesh, vertex_adjacency
 from bezier_filters.holes.hole_detection import Hole, find_holes, simple_loops
@@ -231,3 +233,44 @@ def test_sheets_of_two_sides_have_holes_on_both():
     both = np.vstack([faces, faces[:, ::-1] + len(vertices)])
     holes = holes_of(np.vstack([vertices, vertices]), both)
     assert [(hole.edge_count, hole.obstacle) for hole in holes] == [(36, ""), (12, "")] * 2
+
+
+def add_noise_to_borders(vertices, faces, sigma, seed):
+    border = border_edges(triangle_mesh(vertices, faces), vertex_adjacency(triangle_mesh(vertices, faces)).on_boundary)
+    edge = np.linalg.norm(vertices[faces[:, 0]] - vertices[faces[:, 1]], axis=1).mean()
+    noisy, rim = vertices.copy(), np.unique(border.start)
+    noisy[rim] += np.random.default_rng(seed).normal(scale=sigma * edge, size=(len(rim), 3))
+    return noisy
+
+
+@pytest.mark.parametrize("degrees", [15, 25, 40, 60])
+@pytest.mark.parametrize("ragged", [0, 4])
+@pytest.mark.parametrize("sigma", [0.3, 0.5])
+def test_noisy_and_ragged_holes_are_no_outer_rims(degrees, ragged, sigma):
+    ball = sphere(resolution=48)
+    heights = ball.vertices[ball.faces].mean(axis=1)[:, 2]
+    for seed in range(3):
+        angles = np.degrees(np.arccos(heights)) + np.random.default_rng(seed).uniform(-ragged, ragged, len(heights))
+        faces = largest_component(ball.faces[angles > degrees], len(ball.vertices))
+        noisy = add_noise_to_borders(ball.vertices, faces, sigma, seed)
+        largest = max(holes_of(noisy, faces), key=lambda hole: hole.edge_count)
+        assert not largest.is_outer_rim
+
+
+@pytest.mark.parametrize("sigma", [0.0, 0.3, 0.5])
+@pytest.mark.parametrize("bend", [0.0, 0.5, 1.0])
+def test_noisy_rims_of_sheets_with_windows_are_outer_rims(sigma, bend):
+    vertices, faces = sheet(24, 24)
+    vertices = vertices / 12.0 - [1.0, 1.0, 0.0]
+    vertices = np.column_stack([vertices[:, :2], -0.5 * bend * np.square(vertices[:, :2]).sum(axis=1)])
+    windows = without_faces_near(vertices, faces, vertices[len(vertices) // 3], 0.2)
+    for seed in range(3):
+        found = holes_of(add_noise_to_borders(vertices, windows, sigma, seed), windows)
+        outer = max(found, key=lambda hole: hole.perimeter)
+        assert [hole.is_outer_rim for hole in found] == [hole is outer for hole in found]
+
+
+def largest_component(faces, count):
+    graph = coo_array((np.ones(3 * len(faces)), (faces.ravel(), np.roll(faces, 1, axis=1).ravel())), (count, count))
+    label = connected_components(graph, directed=False)[1][faces[:, 0]]
+    return faces[label == np.bincount(label).argmax()]

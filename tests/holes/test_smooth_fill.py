@@ -95,15 +95,15 @@ def test_plane_and_tube_are_continued_exactly():
     assert np.abs(np.hypot(*new_points(result, tube.vertices)[:, :2].T) - 1.0).max() < 1e-3
 
 
-@pytest.mark.parametrize("noise", [0.1, 0.3])
+@pytest.mark.parametrize("noise", [0.02, 0.1, 0.3])
 def test_noise_is_not_followed_into_the_hole(noise):
     ball = sphere(resolution=30)
     edge = np.linalg.norm(ball.vertices[ball.faces[:, 0]] - ball.vertices[ball.faces[:, 1]], axis=1).mean()
     shift = np.random.default_rng(4).normal(scale=noise * edge, size=len(ball.vertices))
     noisy = ball.vertices * (1.0 + shift[:, np.newaxis])
-    faces = without_faces_near(ball.vertices, ball.faces, TOP, 0.6)
+    faces = without_faces_near(ball.vertices, ball.faces, TOP, 0.3)
     result = fill_holes(noisy, faces)
     assert_filled(noisy, faces, result)
     error = np.linalg.norm(new_points(result, noisy), axis=1) - 1.0
-    assert np.sqrt(np.square(error).mean()) < noise * edge
+    assert np.sqrt(np.square(error).mean()) < 0.8 * noise * edge
     assert result.noise == pytest.approx(noise * edge, rel=0.1)
