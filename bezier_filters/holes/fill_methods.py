@@ -128,8 +128,8 @@ class HoleTask:
 
     @property
     def continues_creases(self) -> bool:
-        """Whether sharp edges at the rim are looked for: under noise only if the surface without it may have some."""
-        return self.mesh.creases and not (self.noisy and self.region.noise_free is None)
+        """Whether sharp edges at the rim are looked for: not if noise makes them."""
+        return self.mesh.creases and not self.mesh.surroundings.is_smooth
 
 
 def _auto_attempts(task: HoleTask) -> Iterator[Attempt]:

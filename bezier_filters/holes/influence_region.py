@@ -12,6 +12,7 @@ import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.estimation.estimate import geometry_where
+from bezier_filters.fitting.noise_level import is_noisy
 from bezier_filters.meshes.frames import unit_face_normals
 from bezier_filters.meshes.half_edges import HalfEdgeLists, face_at_edge, half_edge_lists, normals_along
 from bezier_filters.meshes.neighbourhoods import rings_around, search_workspace
@@ -195,6 +196,7 @@ class HoleSurroundings:
     normals: FloatArray  # (n, 3): normals of Bezier patches at the points that surfaces are fitted to, zero elsewhere
     noise: float | None  # standard deviation of the noise, a length; None if it could not be estimated
     regions: list[InfluenceRegion]  # with denoised coordinates, if noise hides sharp edges
+    is_smooth: bool = False  # whether noise makes angles like those of sharp edges, and the surface without it has none
 
 
 def hole_surroundings(mesh: PreparedMesh, regions: list[InfluenceRegion], noise: float | None) -> HoleSurroundings:
@@ -217,7 +219,8 @@ def hole_surroundings(mesh: PreparedMesh, regions: list[InfluenceRegion], noise:
     shape = geometry.noise_free
     if shape is not None:
         regions = [replace(region, noise_free=shape[region.ids]) for region in regions]
-    return HoleSurroundings(normals, geometry.noise_sigma if noise is None else noise, regions)
+    is_smooth = shape is None and is_noisy(mesh, geometry.noise_sigma)
+    return HoleSurroundings(normals, geometry.noise_sigma if noise is None else noise, regions, is_smooth)
 
 
 def select_surface_points(region: InfluenceRegion, known: BoolArray | None = None, *, noisy: bool) -> IntArray:

@@ -155,3 +155,14 @@ def test_smooth_surfaces_have_no_creases_in_noise():
     big, small = 1.0, float(np.abs(ring.vertices[:, 2]).max())
     heights = np.hypot(np.hypot(added[:, 0], added[:, 1]) - big, added[:, 2]) - small
     assert np.sqrt(np.square(heights).mean()) < 0.1 * edge
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.002, 0.005, 0.015, 0.03, 0.1])
+def test_sharp_edges_are_continued_under_weak_noise_too(noise):
+    vertices, faces = block_with_sharp_edges(resolution=16)
+    edge = np.linalg.norm(vertices[faces[:, 0]] - vertices[faces[:, 1]], axis=1).mean()
+    corner = vertices.max(axis=0)
+    middle = vertices[np.argmin(np.linalg.norm(vertices - [corner[0], corner[1], 0.0], axis=1))]
+    holed = without_faces_near(vertices, faces, middle, 2.5 * edge)
+    noisy = vertices + np.random.default_rng(0).normal(scale=noise * edge, size=vertices.shape)
+    assert [hole.method for hole in fill_holes(noisy, holed).holes] == ["creases"]
