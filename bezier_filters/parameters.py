@@ -151,10 +151,11 @@ alpha : float, optional
     Weight of the points, in (0, 1], 0.8 if left out; only for the paper's method.
 """)
 FILLING = parameters(f"""
-method : {{"auto", "paper"}}, default "auto"
-    auto (continues the surface, sharp edges included) or paper.
-    ``"paper"`` lifts flat triangulations to a bicubic patch for each part that sharp edges cut the hole into, as Li,
-    Barsky, Jin (2009) do.
+method : {{"auto", "surface", "flat", "paper"}}, default "auto"
+    auto (flat lids where the surface ends in a plane, else surface), surface (continues it), flat or paper.
+    ``"surface"`` continues sharp edges, too. ``"flat"`` fills in the plane of the rim, or with the membrane in a rim
+    that leaves the plane. ``"paper"`` lifts flat triangulations to a bicubic patch for each part that sharp edges cut
+    the hole into, as Li, Barsky, Jin (2009) do.
 maxholesize : int, optional
     Leave holes with more edges open; 3 or more.
     (MeshLab's own filter leaves holes of just this size open, too.)
@@ -164,6 +165,9 @@ maxdiameter : {LENGTH_TYPE}, optional
     Leave holes of a larger diameter open: a length, or a percentage of the diagonal of the bounding box.
 outerrims : bool, default False
     Fill the outer rims of open sheets, too.
+boltholes : bool, default False
+    Fill circles in flat parts of open sheets, too, which look like the holes for bolts in a part.
+    Those with a selected vertex are filled in any case with ``onselected``.
 intersecting : bool, default False
     Fill holes, too, whose fills all intersect other faces or themselves, by the fill with the fewest intersections.
     Otherwise they are left open, as by MeshLab's own filter, and reported.

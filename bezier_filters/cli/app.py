@@ -270,6 +270,7 @@ _NAMES = {
     "maxperimeter": "max-perimeter",
     "maxdiameter": "max-diameter",
     "outerrims": "outer-rims",
+    "boltholes": "bolt-holes",
     "minstrength": "min-strength",
 }
 # least values that typer accepts

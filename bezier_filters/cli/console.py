@@ -29,7 +29,7 @@ FILLS = {
     "surface": "on the surface that continues the one around the hole",
     "creases": "smooth between sharp edges, which go on through the hole",
     "variational": "bent as little as the rim allows, where no surface was found to go on",
-    "flat": "stretched like a membrane, where nothing smoother fits",
+    "flat": "in the plane of the rim, where the surface ends in it; else a membrane, where nothing smoother fits",
     "paper": "on bicubic patches over the plane of the hole",
 }
 

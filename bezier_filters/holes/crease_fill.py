@@ -30,7 +30,7 @@ from bezier_filters.holes.crease_ends import (
 )
 from bezier_filters.holes.implicit_surface import ImplicitSurface
 from bezier_filters.holes.influence_region import InfluenceRegion, vertex_pairs
-from bezier_filters.holes.planar_fill import harmonic_planar_fill
+from bezier_filters.holes.planar_fill import flat_fill
 from bezier_filters.holes.refinement import Fill
 from bezier_filters.holes.smooth_fill import (
     Attempt,
@@ -155,7 +155,10 @@ def _fill_cut_hole(cut: CutHole, *, noisy: bool) -> Attempt | str:
 
 def _membrane_fill(side: InfluenceRegion) -> Fill | str:
     """Fill a sub-hole from its border alone: harmonic over a plane, or the membrane (Laplace) surface."""
-    return harmonic_planar_fill(side) or initial_fill(side, order=1) or "a part of the hole cannot be triangulated"
+    fill = flat_fill(side)
+    if isinstance(fill, str):
+        return initial_fill(side, order=1) or "a part of the hole cannot be triangulated"
+    return fill
 
 
 def _fill_on_surface(side: InfluenceRegion, surface: ImplicitSurface | None) -> Fill | str:

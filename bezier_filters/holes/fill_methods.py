@@ -16,18 +16,20 @@ from scipy.sparse.csgraph import connected_components
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.holes.crease_fill import crease_attempts
-from bezier_filters.holes.hole_detection import Hole
+from bezier_filters.holes.hole import Hole
 from bezier_filters.holes.influence_region import HoleSurroundings, InfluenceRegion, vertex_pairs
-from bezier_filters.holes.planar_fill import Correction, paper_fill
+from bezier_filters.holes.planar_fill import Correction, flat_fill, paper_fill
 from bezier_filters.holes.polyharmonic_fairing import polyharmonic_continuation
-from bezier_filters.holes.smooth_fill import Attempt, smooth_attempts
+from bezier_filters.holes.rim_planes import rim_plane
+from bezier_filters.holes.smooth_fill import Attempt, membrane_attempts, smooth_attempts
 from bezier_filters.meshes.adjacency import Rows
 from bezier_filters.meshes.half_edges import dihedral_angles, half_edge_lists, normals_along
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.self_intersections import cut_faces, faces_in_boxes
 from bezier_filters.meshes.unit_size import LENGTH
+from bezier_filters.runtime.cached_property import cached_property
 
-FillingMethod = Literal["auto", "paper"]
+FillingMethod = Literal["auto", "surface", "flat", "paper"]
 
 MAX_BULGE = 0.5  # of a fill beyond the bounding box of its rim, in diameters of the hole
 INTERSECTING = "every fill would cut other faces, intersecting=True takes the one that cuts least"
@@ -60,9 +62,9 @@ class HoleReport:
     method : str
         ``"surface"``: triangles on the implicit surface that continues the points and normals around the hole.
         ``"creases"``: sharp edges were continued through the hole, and the sub-holes between them filled.
-        ``"variational"``: no such surface; a polyharmonic fill of order 2 or more. ``"flat"``: a harmonic fill, or a
-        triangulation of the rim alone, of little area. ``"paper"``: the paper's patch, or one for each sub-hole. Empty
-        if open.
+        ``"variational"``: no such surface; a polyharmonic fill of order 2 or more. ``"flat"``: in the plane of the rim,
+        a harmonic fill or a triangulation of the rim alone, of little area. ``"paper"``: the paper's patch, or one for
+        each sub-hole. Empty if open.
     reason : str
         Why the hole stays open, why better methods failed, or that triangles stay larger than those around the hole
         because of the limit on their number; empty otherwise.
@@ -105,6 +107,7 @@ class MeshTask:
     mesh: TriangleMesh
     surroundings: HoleSurroundings  # regions in order of priority: a fill must not intersect earlier fills
     reports: list[HoleReport]  # of these holes, still open
+    is_end: BoolArray  # (h,): whether the surface arrives at the rim of each like a tube
     boxes: FloatArray  # (h, 2, 3): lowest and highest corner of the box that contains each fill
     overlapping: Rows  # boxes that overlap each box, itself included
     nearby_faces: Rows  # faces of the mesh in each box
@@ -125,6 +128,13 @@ class HoleTask:
     region: InfluenceRegion  # rings of the mesh around it
     normals: FloatArray  # (b, 3): unit normals of the vertices of the region, zero where they are unknown
     noisy: bool  # whether the vertices are smoothed rather than interpolated
+    is_end: bool  # whether the surface arrives at the rim like a tube
+
+    @cached_property
+    def is_flat_end(self) -> bool:
+        """Whether the surface ends at the rim, and the rim lies in a plane, apart from noise and rounding."""
+        plane = rim_plane([self.region.vertices[loop] for loop in self.region.loops]) if self.is_end else None
+        return plane is not None and plane.is_flat(self.mesh.surroundings.noise)
 
     @property
     def continues_creases(self) -> bool:
@@ -133,6 +143,24 @@ class HoleTask:
 
 
 def _auto_attempts(task: HoleTask) -> Iterator[Attempt]:
+    """A flat fill, if the surface ends at the rim and the rim lies in a plane; then fills that continue the surface."""
+    if task.is_flat_end:
+        yield _flat_attempt(task)
+    yield from _surface_attempts(task)
+
+
+def _flat_attempts(task: HoleTask) -> Iterator[Attempt]:
+    """A fill in the plane of the rim, then membranes."""
+    yield _flat_attempt(task)
+    yield from membrane_attempts(task.region)
+
+
+def _flat_attempt(task: HoleTask) -> Attempt:
+    fill = flat_fill(task.region, task.mesh.surroundings.noise)
+    return Attempt("flat", None, fill) if isinstance(fill, str) else Attempt("flat", fill)
+
+
+def _surface_attempts(task: HoleTask) -> Iterator[Attempt]:
     """Fills that continue creases, if creases run into the hole; then smooth fills, each simpler than the last."""
     if task.continues_creases:
         yield from crease_attempts(task.region, noisy=task.noisy)
@@ -154,6 +182,8 @@ def _paper_attempts(task: HoleTask) -> Iterator[Attempt]:
 # generators of attempts, the best first; the first fill without intersections is used
 FILL_METHODS: dict[FillingMethod, Callable[[HoleTask], Iterator[Attempt]]] = {
     "auto": _auto_attempts,
+    "surface": _surface_attempts,
+    "flat": _flat_attempts,
     "paper": _paper_attempts,
 }
 
@@ -213,7 +243,8 @@ def fill_group(task: MeshTask, group: Iterable[int]) -> list[tuple[HoleReport, F
         )
         if overlapping:
             region = region.add_joined_pairs(np.concatenate([joined[k] for k in overlapping]))
-        hole = HoleTask(task, region, task.surroundings.normals[region.ids], region.is_noisy(task.surroundings.noise))
+        normals, noisy = task.surroundings.normals[region.ids], region.is_noisy(task.surroundings.noise)
+        hole = HoleTask(task, region, normals, noisy, bool(task.is_end[number]))
         report, fill = _best_attempt(hole, number, [placed[k] for k in overlapping], next_vertex)
         result.append((report, fill))
         if fill is not None:

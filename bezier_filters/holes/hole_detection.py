@@ -2,8 +2,7 @@
 
 The total geodesic curvature of a border, seen from its surface, distinguishes holes from outer rims: by Gauss-Bonnet it
 is -2 pi around a hole in a plane, 0 at the end of a tube and 2 pi around a flat sheet. Noise of the border increases
-it, so an outer rim must be one by the surface around it, too (`rim_turning`). An outer rim inside a hole, near its
-plane and with the same orientation, is the border of an island.
+it, so an outer rim must be one by the surface around it, too (`rim_turning`).
 """
 
 from collections.abc import Sequence
@@ -19,50 +18,22 @@ from scipy.sparse.csgraph import connected_components
 from bezier_filters.arguments import brief_repr
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError, is_integer, is_real
-from bezier_filters.holes.loops import angle_sums, diameter, plane_axes, points_in_polygon, vector_area
+from bezier_filters.holes.hole import MIN_OUTER_RIM_TURNING, Hole
+from bezier_filters.holes.islands import assign_islands, join_rims_of_faces
+from bezier_filters.holes.loops import angle_sums, diameter, plane_axes, vector_area
+from bezier_filters.holes.rim_planes import is_flat_circle
 from bezier_filters.holes.rim_turning import smooth_turning
+from bezier_filters.meshes.adjacency import components
 from bezier_filters.meshes.half_edges import BorderEdges, border_edges, coincident_border_edges, cycles
-from bezier_filters.meshes.mesh import TriangleMesh, check_selection
+from bezier_filters.meshes.mesh import check_selection
 from bezier_filters.meshes.neighbourhoods import search_workspace
 from bezier_filters.meshes.prepared_mesh import PreparedMesh
-from bezier_filters.meshes.self_intersections import faces_in_boxes
 from bezier_filters.meshes.triangles import area_vectors
 
-# total geodesic curvature of an outer rim, in radians: half-way from the end of a tube to a flat disk
-MIN_OUTER_RIM_TURNING = pi
+# Cosine of the angle of the surface to the plane of a rim where it ends: half-way from a hole in that plane to a tube.
+MAX_END_COSINE = 0.5
 WELD_HINT = "it has no width; weld them first (repair=True of the filter, or meshing_merge_close_vertices)"
 ORIENT_HINT = "repair them first (repair=True of the filter, or pymeshlab's meshing_repair filters)"
-MAX_ISLAND_HEIGHT = 0.25  # distance of an island from the plane of its hole, in diameters of the hole
-
-
-@dataclass(frozen=True)
-class Hole:
-    """A hole of a mesh, or the outer rim of an open sheet."""
-
-    # each (k,): vertices of its rim, then of the rims of its islands, in the direction of the faces that fill the hole:
-    # counter-clockwise around the hole seen from outside, clockwise around islands
-    loops: tuple[IntArray, ...]
-    # total geodesic curvature of the rim as its surface sees it, in radians; see the module
-    turning: float
-    perimeter: float  # of all loops
-    diameter: float  # largest distance between two vertices of the rim, a length
-    obstacle: str = ""  # why it cannot be filled; empty if it can
-    non_manifold_edges: int = 0  # number of edges of a non-manifold border, whose only "loop" is a list of its vertices
-
-    @property
-    def rim(self) -> IntArray:
-        """Vertices of the rim, (k,)."""
-        return self.loops[0]
-
-    @property
-    def is_outer_rim(self) -> bool:
-        """Whether this is the outer border of an open sheet."""
-        return self.turning > MIN_OUTER_RIM_TURNING
-
-    @property
-    def edge_count(self) -> int:
-        """Number of edges of all loops."""
-        return self.non_manifold_edges or sum(len(loop) for loop in self.loops)
 
 
 def find_holes(mesh: PreparedMesh) -> list[Hole]:
@@ -72,7 +43,7 @@ def find_holes(mesh: PreparedMesh) -> list[Hole]:
     its plane and with the same orientation, is an island of that hole; its rim is not listed separately. An island
     that touches the rim at a vertex forms one loop with it, which passes the vertex twice. A border has an obstacle if
     it meets a non-manifold edge, with more than two faces or with two of opposite orientation, or if it coincides with
-    another border.
+    another border. Rims of ends in one plane, of which one surrounds the others, form one hole, that of a missing face.
     """
     holes = []
     border = border_edges(mesh, mesh.adjacency.on_boundary)
@@ -92,15 +63,46 @@ def find_holes(mesh: PreparedMesh) -> list[Hole]:
             count = _count_listed(rim * np.int64(n) + np.roll(rim, -1), cracks)
             obstacle = f"{count} of its {len(rim)} edges lie on those of another border: {WELD_HINT}" if count else ""
             length = float(np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1).sum())
-            holes.append(Hole((rim[::-1].copy(),), turning, length, diameter(points), obstacle))
+            fill = rim[::-1].copy()
+            holes.append(Hole((fill,), turning, length, diameter(points), obstacle, _is_end(mesh, fill)))
     for start, end in rest:
         length = np.linalg.norm(mesh.vertices[end] - mesh.vertices[start], axis=1).sum()
         where = end[border.non_manifold[end]][0]
         obstacle = f"meets edges of several faces, or of faces that disagree, at vertex {where}: {ORIENT_HINT}"
         rim = np.union1d(start, end)
-        holes.append(Hole((rim,), 0.0, float(length), diameter(mesh.vertices[rim]), obstacle, len(start)))
+        holes.append(
+            Hole((rim,), 0.0, float(length), diameter(mesh.vertices[rim]), obstacle, non_manifold_edges=len(start))
+        )
     holes.sort(key=lambda hole: int(hole.rim.min()))
-    return _assign_islands(mesh, holes)
+    return _find_circles(mesh, join_rims_of_faces(mesh, assign_islands(mesh, holes)))
+
+
+def _is_end(mesh: PreparedMesh, rim: IntArray) -> bool:
+    """Whether the faces at a rim, in the direction of the faces that fill it, are steep to its plane.
+
+    The mean cosine of their angle to the plane is 1 around a hole in it and 0 at the end of a tube. Noise hardly
+    changes it, as the sum of the area vectors of faces depends on the border of their union alone.
+    """
+    area = vector_area(mesh.vertices[rim])
+    around = area_vectors(mesh.vertices, mesh.faces[np.unique(mesh.adjacency.faces.of(rim))])
+    most = MAX_END_COSINE * np.linalg.norm(area) * np.linalg.norm(around, axis=1).sum()
+    return bool(around.sum(axis=0) @ area < most)
+
+
+def _find_circles(mesh: PreparedMesh, holes: list[Hole]) -> list[Hole]:
+    """Mark the circles in flat parts of open sheets."""
+    sheets = [hole.rim[0] for hole in holes if hole.is_outer_rim]
+    if not sheets:
+        return holes
+    is_circle = [not hole.is_end and len(hole.loops) == 1 and is_flat_circle(mesh.vertices[hole.rim]) for hole in holes]
+    if not any(is_circle):
+        return holes
+    component = components(mesh.adjacency)
+    open_ = np.unique(component[sheets])
+    return [
+        replace(hole, is_circle=True) if circle and component[hole.rim[0]] in open_ else hole
+        for hole, circle in zip(holes, is_circle, strict=True)
+    ]
 
 
 def _count_listed(keys: IntArray, listed: IntArray) -> int:
@@ -191,58 +193,6 @@ def _match_across_gaps(
     return column.astype(np.int32), angles[row, column]
 
 
-def _assign_islands(mesh: TriangleMesh, holes: list[Hole]) -> list[Hole]:
-    """Assign each outer rim that lies in a hole to the smallest such hole, as an island."""
-    around = [j for j, hole in enumerate(holes) if not (hole.is_outer_rim or hole.obstacle)]
-    sheets = [k for k, hole in enumerate(holes) if hole.is_outer_rim and not hole.obstacle]
-    if not around or not sheets:
-        return holes
-    boxes = [_island_box(mesh, holes[j]) for j in around]
-    # Bounding-box test by the first vertex of each outer rim.
-    firsts = np.array([mesh.vertices[holes[k].rim[0]] for k in sheets])
-    corners = np.arange(len(sheets), dtype=np.int32)[:, np.newaxis].repeat(3, axis=1)
-    near = faces_in_boxes(firsts, corners, np.array([box[0] for box in boxes]), np.array([box[1] for box in boxes]))
-    smallest: dict[int, int] = {}  # smallest hole that contains each outer rim; ties go to the first
-    for place in sorted(range(len(around)), key=lambda place: holes[around[place]].diameter):
-        hole = holes[around[place]]
-        for sheet in near.row(place).tolist():
-            if sheet not in smallest and _is_island_of(mesh, holes[sheets[sheet]], hole):
-                smallest[sheet] = around[place]
-    islands: dict[int, list[Hole]] = {}
-    for sheet in sorted(smallest):
-        islands.setdefault(smallest[sheet], []).append(holes[sheets[sheet]])
-    assigned = {sheets[sheet] for sheet in smallest}
-    return [_add_islands(hole, islands.get(k, [])) for k, hole in enumerate(holes) if k not in assigned]
-
-
-def _add_islands(hole: Hole, islands: list[Hole]) -> Hole:
-    """Add the rims of islands to the loops of a hole."""
-    loops = sum((island.loops for island in islands), ())
-    length = sum((island.perimeter for island in islands), hole.perimeter)
-    return replace(hole, loops=hole.loops + loops, perimeter=length)
-
-
-def _island_box(mesh: TriangleMesh, hole: Hole) -> tuple[FloatArray, FloatArray]:
-    """Lowest and highest corner of the box that contains the islands of a hole, each (3,)."""
-    rim, margin = mesh.vertices[hole.rim], MAX_ISLAND_HEIGHT * hole.diameter
-    return rim.min(axis=0) - margin, rim.max(axis=0) + margin
-
-
-def _is_island_of(mesh: TriangleMesh, sheet: Hole, hole: Hole) -> bool:
-    """Whether an outer rim is that of an island of a hole."""
-    rim, points = mesh.vertices[hole.rim], mesh.vertices[sheet.rim]
-    low, high = _island_box(mesh, hole)
-    if sheet.diameter >= hole.diameter or not ((points > low) & (points < high)).all():
-        return False
-    normal = vector_area(rim)
-    if not normal.any() or normal @ vector_area(points) >= 0.0:
-        return False
-    axes = plane_axes(normal)
-    local = (points - rim.mean(axis=0)) @ axes.T
-    near = np.abs(local[:, 2]) <= MAX_ISLAND_HEIGHT * hole.diameter
-    return bool((near & points_in_polygon(local[:, :2], (rim - rim.mean(axis=0)) @ axes[:2].T)).all())
-
-
 @dataclass(frozen=True)
 class HoleChoice:
     """Conditions on the holes to fill, combined by "and"; InvalidParameterError if a value is out of range."""
@@ -252,6 +202,7 @@ class HoleChoice:
     max_diameter: float | None = None  # a length
     holes: Sequence[int] | None = None  # numbers of the holes in the order of the result
     selected: BoolArray | None = None  # (n,): a hole must have one of these vertices on its rim
+    bolt_holes: bool = False  # whether circles in open sheets count as holes; any in `holes` or selected do
     outer_rims: bool = False  # whether outer rims of open sheets count as holes; any listed in `holes` do
 
     def __post_init__(self) -> None:
@@ -283,6 +234,8 @@ class HoleChoice:
             return "not among the holes that were asked for"
         if hole.is_outer_rim and not self.outer_rims and self.holes is None:
             return "the outer rim of an open sheet; outer_rims=True fills it, too"
+        if hole.is_circle and not self.bolt_holes and self.holes is None and self.selected is None:
+            return "a circle in an open sheet, as of a bolt hole; bolt_holes=True fills it, too"
         if self.max_edges is not None and hole.edge_count > self.max_edges:
             return f"{hole.edge_count} edges, more than max_edges={self.max_edges}"
         if self.max_perimeter is not None and hole.perimeter > self.max_perimeter:

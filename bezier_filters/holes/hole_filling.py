@@ -114,6 +114,7 @@ def fill_holes(
     holes: Sequence[int] | None = None,
     selected: BoolArray | None = None,
     outer_rims: bool = False,
+    bolt_holes: bool = False,
     intersecting: bool = False,
     creases: bool = True,
     noise: float | None = None,
@@ -127,7 +128,8 @@ def fill_holes(
     """Fill the holes of a mesh.
 
     The new triangles are about as large as those around the hole, and larger far from the rim of a large one. By
-    default they lie on the zero set of a polyharmonic spline. It interpolates the points of five rings and the normals
+    default they lie in the plane of the rim where the surface ends in one, and elsewhere on the zero set of a
+    polyharmonic spline. It interpolates the points of five rings and the normals
     of their Bezier patches; on noisy meshes it smooths them, with a smoothing parameter estimated by restricted maximum
     likelihood (REML). If there is no such surface, or if its fill intersects the mesh, simpler fills are tried, and the
     report says so. Sharp edges that run into a hole are continued through it. A hole whose fills all intersect other
@@ -146,8 +148,11 @@ def fill_holes(
         Coordinates.
     faces : (m, 3) array_like of int
         Triangles, counter-clockwise seen from outside.
-    method : {"auto", "paper"}
-        Filling method.
+    method : {"auto", "surface", "flat", "paper"}
+        ``"surface"`` continues the surface around a hole, and ``"flat"`` fills it in the plane of its rim, or with the
+        membrane in its rim if that leaves the plane. ``"auto"`` takes ``"flat"`` where the surface ends in a plane, as
+        at a cut tube or a box without its lid: the rim lies in a plane, apart from noise and rounding, and the faces at
+        it are at more than 60 degrees to the plane, in the mean. ``"paper"`` is the paper's method, see above.
     max_edges : int, optional
         Fill only holes with at most this many edges, including those of islands; at least 3.
     max_perimeter, max_diameter : float, optional
@@ -159,6 +164,9 @@ def fill_holes(
     outer_rims : bool
         Whether to fill the outer rims of open sheets, too: loops whose total geodesic curvature, seen from the
         sheet, exceeds pi. It is 2 pi around a flat sheet, 0 at the ends of a tube and -2 pi around a hole.
+    bolt_holes : bool
+        Whether to fill circles in flat parts of open sheets, too, which are left open like the holes for bolts in a
+        part. Those in `holes` or selected are filled in any case.
     intersecting : bool
         Whether to fill a hole whose fills all intersect other faces or themselves, by the one with the fewest
         intersecting faces.
@@ -222,7 +230,7 @@ def fill_holes(
         raise InvalidParameterError(f"correction: got {correction!r}, expected one of {get_args(Correction)}")
     if method != "paper" and not refine:
         raise InvalidParameterError(f"refine: method={method!r} always refines; leave it out")
-    choice = HoleChoice(max_edges, max_perimeter, max_diameter, holes, selected, outer_rims)
+    choice = HoleChoice(max_edges, max_perimeter, max_diameter, holes, selected, bolt_holes, outer_rims)
     if on_border is not None:
         border = check_selection(on_border, mesh.vertex_count, "on_border")
         mesh = replace(mesh, adjacency=replace(mesh.adjacency, on_boundary=border))
@@ -246,6 +254,7 @@ def fill_holes(
         mesh,
         surroundings,
         open_,
+        np.array([hole.is_end for hole in chosen], dtype=np.bool_),
         boxes,
         overlapping,
         nearby_faces,

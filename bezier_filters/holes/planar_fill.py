@@ -11,16 +11,16 @@ from typing import Literal
 
 import numpy as np
 
-from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.arrays import FloatArray
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.holes.influence_region import InfluenceRegion
-from bezier_filters.holes.loops import is_simple, plane_axes, triangulate_loop, vector_area
+from bezier_filters.holes.loops import is_simple, plane_axes, vector_area
+from bezier_filters.holes.polygon_triangulation import triangulate_polygon
 from bezier_filters.holes.polyharmonic_fairing import polyharmonic_continuation
 from bezier_filters.holes.refinement import Fill, flip_edges, refine
-from bezier_filters.meshes.triangles import area_vectors
+from bezier_filters.holes.rim_planes import rim_plane
 from bezier_filters.patches.patch_fit import PatchFit, fit_patch
 
-MIN_UPRIGHT_AREA = 1e-12  # rounding error of twice the area of a triangle, over the square of an edge
 PAPER_RINGS = 2  # rings around the hole that the paper's patch is fitted to, if they have enough points
 MIN_PATCH_POINTS = 32  # number of points that is enough: twice that of control points
 MAX_PIECE_POINTS = 4  # rim vertices whose product of Lagrange polynomials is bicubic, like the patch
@@ -71,18 +71,22 @@ def _frames(region: InfluenceRegion) -> Iterator[tuple[FloatArray, FloatArray]]:
             yield origin, turn @ axes
 
 
-def harmonic_planar_fill(region: InfluenceRegion) -> Fill | None:
-    """Delaunay triangulation in the plane of the vector area of the hole, with harmonic heights; None if that fails.
+def flat_fill(region: InfluenceRegion, noise: float | None = None) -> Fill | str:
+    """Fill a hole in its plane, or return the reason for a failure.
 
-    It fails if the rim does not project injectively.
+    Where the rim leaves the plane by more than noise of this standard deviation, the heights are harmonic.
     """
-    rim = region.vertices[region.loops[0]]
-    normal = vector_area(rim)
-    if not normal.any():
-        return None
-    origin, axes = rim.mean(axis=0), plane_axes(normal)
-    fill = _planar_fill(region, origin, axes)
-    return None if isinstance(fill, str) else _displace_to_rim(fill, fill.points @ axes + origin, region)
+    plane = rim_plane([region.vertices[loop] for loop in region.loops])
+    if plane is None:
+        return "the rim has no mean plane"
+    fill = _planar_fill(region, plane.origin, plane.axes)
+    if isinstance(fill, str):
+        return fill
+    points = fill.points @ plane.axes + plane.origin
+    if not plane.is_flat(noise):
+        return _displace_to_rim(fill, points, region)
+    points[: fill.rim_count] = region.rim_vertices
+    return replace(fill, points=points)
 
 
 def _displace_to_rim(
@@ -133,27 +137,12 @@ def _planar_fill(region: InfluenceRegion, origin: FloatArray, axes: FloatArray, 
     """
     flat = (region.rim_vertices - origin) @ axes.T
     flat[:, 2] = 0.0
-    rim = region.loops[0]
-    angles = _interior_angles(flat[rim])
-    if not is_simple(flat[rim, :2]) or not angles.sum() < np.pi * (len(rim) - 1):
+    if sum(len(loop) for loop in region.loops) > region.rim_count:
+        return "the rim touches itself"
+    if not all(is_simple(flat[loop, :2]) for loop in region.loops) or not vector_area(flat[region.loops[0]])[2] > 0.0:
         return "the rim does not project injectively to the plane of its surroundings"
-    faces = triangulate_loop(flat[rim], rim, np.zeros((len(rim), 3)), angles, region.rim_edges)
-    if faces is None or not _are_upright(flat, faces).all():
+    faces = triangulate_polygon(flat[:, :2], region.loops, region.rim_edges)
+    if faces is None:
         return "the rim cannot be triangulated in the plane of its surroundings"
-    # At straight pieces of the rim, triangles may be degenerate; splitting them would place vertices on the rim.
     fill = flip_edges(Fill(flat, region.sizes, faces, region.rim_count), region.rim_edges)
     return refine(fill, region.rim_edges) if refined else fill
-
-
-def _interior_angles(polygon: FloatArray) -> FloatArray:
-    """Interior angles of a planar polygon (k, 3); their sum is pi (k - 2) if it runs counter-clockwise."""
-    ahead, behind = np.roll(polygon, -1, axis=0) - polygon, np.roll(polygon, 1, axis=0) - polygon
-    sine = ahead[:, 0] * behind[:, 1] - ahead[:, 1] * behind[:, 0]
-    cosine = np.einsum("ij,ij->i", ahead, behind)
-    return np.asarray(np.arctan2(sine, cosine) % (2.0 * np.pi), dtype=np.float64)
-
-
-def _are_upright(flat: FloatArray, faces: IntArray) -> BoolArray:
-    """Whether each triangle of the plane has positive orientation, up to rounding, (m,)."""
-    sides = flat[faces[:, 1]] - flat[faces[:, 0]]
-    return np.asarray(area_vectors(flat, faces)[:, 2] > -MIN_UPRIGHT_AREA * np.square(sides).sum(axis=1))

@@ -255,7 +255,7 @@ def _flip(
                 if (
                     c == d
                     or not _is_better_flipped(points, a, b, c, d)
-                    or (c < rim_count and d < rim_count and _is_listed(existing, c, d))
+                    or (c < rim_count and d < rim_count and is_listed(existing, c, d))
                     or _are_joined(faces, neighbours, f, g, c, d, rim_count, borders)
                 ):
                     continue
@@ -291,7 +291,7 @@ def _is_better_flipped(points: FloatArray, a: int, b: int, c: int, d: int) -> bo
 
 
 @inner_jit()
-def _is_listed(pairs: IntArray, a: int, b: int) -> bool:
+def is_listed(pairs: IntArray, a: int, b: int) -> bool:
     """Whether (a, b) or (b, a) is among sorted pairs: a binary search."""
     low, high = min(a, b), max(a, b)
     first, last = 0, pairs.shape[0]

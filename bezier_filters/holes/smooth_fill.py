@@ -33,6 +33,7 @@ MAX_FAIRED_VERTICES = 60_000  # vertices of a fill that is faired at its final r
 # distance between rim and surface that is corrected, in edges: a smaller one turns no face by more than this angle
 MIN_RIM_GAP = 1e-4
 RELAXATION_ROUNDS = 3  # of edge flips, relaxation and projection
+UNTRIANGULATED = "every triangulation of the rim would join vertices that are joined already"
 
 
 @dataclass(frozen=True)
@@ -53,12 +54,22 @@ def smooth_attempts(region: InfluenceRegion, normals: FloatArray, *, noisy: bool
     """
     fill = initial_fill(region)
     if fill is None:
-        yield Attempt("flat", None, "every triangulation of the rim would join vertices that are joined already")
+        yield Attempt("flat", None, UNTRIANGULATED)
         return
     if len(fill.points) > fill.rim_count:
         yield _surface_attempt(fill, region, normals, noisy=noisy)
         yield Attempt("variational", _fairest_fill(fill, region, 2 if noisy else 3))
         yield Attempt("variational", fill)
+    yield from membrane_attempts(region, fill)
+
+
+def membrane_attempts(region: InfluenceRegion, fill: Fill | None = None) -> Iterator[Attempt]:
+    """The harmonic fill, on the triangulation of another fill if there is one, and the triangulation of the rim."""
+    fill = fill or initial_fill(region, order=1)
+    if fill is None:
+        yield Attempt("flat", None, UNTRIANGULATED)
+        return
+    if len(fill.points) > fill.rim_count:
         yield Attempt("flat", _fair(fill, region, 1))
     yield Attempt("flat", _triangulate_rim(region))
 

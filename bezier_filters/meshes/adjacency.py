@@ -138,20 +138,28 @@ def umbrella_vectors(rows: Rows, points: FloatArray) -> FloatArray:
     return result
 
 
+def components(adjacency: Adjacency) -> IntArray:
+    """Number of the component that each vertex belongs to, (n,)."""
+    rows = adjacency.vertices
+    n = len(rows.lengths)
+    graph = csr_array((np.ones(len(rows.indices), np.int8), rows.indices, rows.indptr), shape=(n, n))
+    return np.asarray(connected_components(graph, directed=False)[1])
+
+
 def closed_components(mesh: TriangleMesh, adjacency: Adjacency) -> tuple[IntArray, IntArray]:
     """Number of the closed component that each vertex belongs to, -1 for none, (n,), and their first vertices, (c,).
 
     There are none if the mesh is not an oriented manifold along its edges.
     """
-    n, rows = mesh.vertex_count, adjacency.vertices
+    n = mesh.vertex_count
     if not mesh.face_count or incoherent_vertices(mesh.faces, adjacency).any():
         return np.full(n, -1, dtype=np.int32), np.empty(0, dtype=np.int32)
-    graph = csr_array((np.ones(len(rows.indices), np.int8), rows.indices, rows.indptr), shape=(n, n))
-    count, label = connected_components(graph, directed=False)
+    label = components(adjacency)
+    count = int(label.max()) + 1
     first = np.full(count, n, dtype=np.int32)
     first[label[::-1]] = np.arange(n - 1, -1, -1, dtype=np.int32)
     closed = np.ones(count, dtype=np.bool_)
-    closed[label[adjacency.on_boundary | (rows.lengths == 0)]] = False
+    closed[label[adjacency.on_boundary | (adjacency.vertices.lengths == 0)]] = False
     number = np.where(closed, np.cumsum(closed) - 1, -1).astype(np.int32)
     return number[label], first[closed]
 

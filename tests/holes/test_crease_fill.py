@@ -383,7 +383,7 @@ def test_no_curves_to_a_corner_far_away():
     a = np.arange(4 * n * n)
     b = a - a % (4 * n) + (a + 1) % (4 * n)
     faces = np.vstack([np.column_stack([a, b, b + 4 * n]), np.column_stack([a, b + 4 * n, a + 4 * n])])
-    result = fill_holes(np.vstack(layers), faces, outer_rims=True)
+    result = fill_holes(np.vstack(layers), faces, "surface", outer_rims=True)
     assert all(hole.filled for hole in result.holes)
     assert any(FAR_CORNER in hole.reason for hole in result.holes)
     assert result.vertices[:, 2].max() < 2.0

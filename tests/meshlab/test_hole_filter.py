@@ -311,7 +311,7 @@ def test_a_closed_mesh_stays_as_it_is():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"method": "flat"}, "method: got 'flat'"),
+        ({"method": "round"}, "method: got 'round'"),
         ({"maxholesize": 2}, "maxholesize: got 2"),
         ({"maxdiameter": -1.0}, "max_diameter: got -1.0"),
         ({"noise": -1.0}, "noise: got -1.0"),
