@@ -21,6 +21,7 @@ from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.fields import PREFIX
 from bezier_filters.files.ply_text import color_columns, coordinate_columns, ply_text
 from bezier_filters.holes.polyharmonic_fairing import polyharmonic_continuation
+from bezier_filters.holes.texture_continuation import Texture, continue_texture
 from bezier_filters.meshlab.mesh_attributes import (
     ATTRIBUTES,
     KEPT_LEFTOVER,
@@ -143,60 +144,41 @@ def _texture(
     names, numbers = textures_of(ms)
     if len(set(names)) < len(names):  # numbers follow the names when layers are merged
         return None
-    like = growth.like_face
-    coordinates = wedge_coordinates(
-        vertices[growth.faces], vertices[old.face_matrix()[like]], old.wedge_tex_coord_matrix().reshape(-1, 3, 2)[like]
-    )
-    return coordinates.reshape(-1, 2), numbers[like], {name: old.texture(name) for name in names}
+    known = Texture(old.wedge_tex_coord_matrix().reshape(-1, 3, 2), numbers)
+    new = continue_texture(vertices, old.face_matrix(), growth.faces, growth.like_face, known)
+    return new.coordinates.reshape(-1, 2), new.images, {name: old.texture(name) for name in names}
 
 
 def _patch(old: Mesh, growth: MeshGrowth, vertices: FloatArray, numbers: FloatArray) -> Mesh:
-    """The new faces as a mesh, with colours and quality of vertices continued smoothly from the rim.
+    """The new faces as a mesh, with colours, quality and texture coordinates of vertices continued harmonically.
 
-    Attributes of faces and texture coordinates are those of the nearest old ones.
+    Attributes of faces are those of the nearest old ones.
     """
     used, local = np.unique(growth.faces, return_inverse=True)
     faces, rim = local.reshape(-1, 3).astype(np.int32), used[used < old.vertex_number()]
-    source = np.concatenate([np.arange(old.vertex_number()), growth.like_vertex])[used]
     options: dict[str, Any] = {}
-    colors = old.vertex_color_matrix() if old.has_vertex_color() else np.zeros((old.vertex_number(), 0))
-    scalars = old.vertex_scalar_array()[:, np.newaxis] if old.has_vertex_scalar() else colors[:, :0]
-    if colors.size or scalars.size:
-        known = np.hstack([scalars, colors])[rim].astype(np.float64)
-        continued = polyharmonic_continuation(vertices[used], faces, known)
-        if scalars.size:
-            options["v_scalar_array"] = continued[:, 0]
-        if colors.size:
-            half = 0.5 / 255  # pymeshlab rounds down
-            options["v_color_matrix"] = np.clip(continued[:, -colors.shape[1] :] + half, 0.0, 1.0)
+    known = dict[str, FloatArray]()
+    if old.has_vertex_scalar():
+        known["v_scalar_array"] = old.vertex_scalar_array()[:, np.newaxis]
+    if old.has_vertex_color():
+        known["v_color_matrix"] = old.vertex_color_matrix()
     if old.has_vertex_tex_coord():
-        options["v_tex_coords_matrix"] = old.vertex_tex_coord_matrix()[source]
+        known["v_tex_coords_matrix"] = old.vertex_tex_coord_matrix()
+    if known:
+        columns = np.hstack(list(known.values()))[rim].astype(np.float64)
+        continued = polyharmonic_continuation(vertices[used], faces, columns)
+        widths = [values.shape[1] for values in known.values()]
+        options |= dict(zip(known, np.split(continued, np.cumsum(widths)[:-1], axis=1), strict=True))
+    if old.has_vertex_scalar():
+        options["v_scalar_array"] = options["v_scalar_array"][:, 0]
+    if old.has_vertex_color():
+        half = 0.5 / 255  # pymeshlab rounds down
+        options["v_color_matrix"] = np.clip(options["v_color_matrix"] + half, 0.0, 1.0)
     if old.has_face_color():
         options["f_color_matrix"] = old.face_color_matrix()[growth.like_face]
     if old.has_face_scalar():
         options["f_scalar_array"] = old.face_scalar_array()[growth.like_face]
     return Mesh(numbers[used], faces, **options)
-
-
-def wedge_coordinates(corners: FloatArray, triangles: FloatArray, coordinates: FloatArray) -> FloatArray:
-    """Texture coordinates (f, 3, 2) for corners (f, 3, 3) of new faces: those of the nearest points on old triangles.
-
-    The triangles (f, 3, 3), with texture coordinates (f, 3, 2), are old faces next to the new ones. New faces thus show
-    only parts of the texture that old faces show, and the texture is continuous across common edges.
-
-    >>> old = np.array([[[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]])
-    >>> new = np.array([[[1.0, 0, 0], [2, 2, 0], [0, 1, 0]]])
-    >>> wedge_coordinates(new, old, old[..., :2])[0].tolist()
-    [[1.0, 0.0], [0.5, 0.5], [0.0, 1.0]]
-    """
-    a, b, c = (triangles[:, np.newaxis, k] for k in range(3))
-    normal = np.cross(b - a, c - a)
-    squared = np.maximum(np.einsum("fkj,fkj->fk", normal, normal), 1e-300)
-    weights = [np.einsum("fkj,fkj->fk", np.cross(q - p, corners - p), normal) / squared for p, q in ((b, c), (c, a))]
-    barycentric = np.stack([*weights, 1.0 - weights[0] - weights[1]], axis=2)
-    barycentric = np.maximum(barycentric, 0.0)  # 0 beyond an edge; the sum is 1 or more
-    barycentric /= barycentric.sum(axis=2, keepdims=True)
-    return np.asarray(barycentric @ coordinates, dtype=np.float64)
 
 
 def textures_of(ms: MeshSet) -> tuple[list[str], IntArray]:
