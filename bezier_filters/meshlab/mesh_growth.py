@@ -4,15 +4,16 @@ pymeshlab can only merge layers, and welds vertices with equal coordinates when 
 layer with the new faces are merged while each vertex has its number for a coordinate: vertices that lie in
 one place, as at the seams of textures, stay apart. The mesh itself is deleted when everything has gone well.
 
-pymeshlab makes meshes from arrays, but not with the number of the texture that a face shows: its faces would have none.
-Only files bring it along, so new faces of textured meshes are written to one and loaded.
+pymeshlab makes meshes from arrays, but without the number of the texture that a face shows, and always with colours and
+quality of vertices, which the merged mesh would have, too. So the new faces of meshes with textures, or without colours
+or quality, are written to a file and loaded.
 """
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +47,13 @@ class MeshGrowth:
     like_face: IntArray  # (f,): old face from which each new one has them
 
 
+class _PatchTexture(NamedTuple):
+    """Texture of new faces."""
+
+    faces: Texture
+    pictures: dict[str, Image]  # by name, in the order of their numbers
+
+
 def grow_mesh(ms: MeshSet, growth: MeshGrowth, *, select: bool) -> tuple[list[str], bool]:
     """Add vertices and faces to the current mesh, which becomes a new layer with a new id.
 
@@ -72,9 +80,12 @@ def grow_mesh(ms: MeshSet, growth: MeshGrowth, *, select: bool) -> tuple[list[st
         numbers[:, 0] = np.arange(len(vertices))
         write_coordinates(ms, numbers[: old.vertex_number()])
         patch = _patch(old, growth, vertices, numbers)
-        textured = texture is not None and _load_patch(ms, patch, *texture)
-        if not textured:
+        textured = texture is not None and _load_patch(ms, old, patch, texture)
+        if not textured and old.has_vertex_color() and old.has_vertex_scalar():
             ms.add_mesh(patch, "new faces", set_as_current=False)
+        elif not textured:
+            _load_patch(ms, old, patch)
+        textured &= old.texture_number() > 0
         ms.set_current_mesh(copy)
         ms.generate_by_merging_visible_meshes(
             mergevisible=True, deletelayer=True, mergevertices=True, alsounreferenced=True
@@ -135,18 +146,16 @@ def _attributes(ms: MeshSet, mesh: Mesh, growth: MeshGrowth) -> tuple[list[tuple
     return found, lost
 
 
-def _texture(
-    ms: MeshSet, old: Mesh, growth: MeshGrowth, vertices: FloatArray
-) -> tuple[FloatArray, IntArray, dict[str, Image]] | None:
-    """Texture of the new faces, if old ones have one: coordinates (3 f, 2), texture numbers (f,), images by name."""
-    if not old.has_wedge_tex_coord() or not old.texture_number():
+def _texture(ms: MeshSet, old: Mesh, growth: MeshGrowth, vertices: FloatArray) -> _PatchTexture | None:
+    """Texture coordinates of the new faces, if old ones have some, and images, if their names are distinct."""
+    if not old.has_wedge_tex_coord():
         return None
     names, numbers = textures_of(ms)
     if len(set(names)) < len(names):  # numbers follow the names when layers are merged
         return None
     known = Texture(old.wedge_tex_coord_matrix().reshape(-1, 3, 2), numbers)
     new = continue_texture(vertices, old.face_matrix(), growth.faces, growth.like_face, known)
-    return new.coordinates.reshape(-1, 2), new.images, {name: old.texture(name) for name in names}
+    return _PatchTexture(new, {name: old.texture(name) for name in names})
 
 
 def _patch(old: Mesh, growth: MeshGrowth, vertices: FloatArray, numbers: FloatArray) -> Mesh:
@@ -204,30 +213,29 @@ def textures_of(ms: MeshSet) -> tuple[list[str], IntArray]:
     return names, rows["number"].astype(np.int32)
 
 
-def _load_patch(
-    ms: MeshSet, patch: Mesh, coordinates: FloatArray, numbers: IntArray, pictures: dict[str, Image]
-) -> bool:
-    """Add new faces with their texture as a layer, which becomes the current one.
+def _load_patch(ms: MeshSet, old: Mesh, patch: Mesh, texture: _PatchTexture | None = None) -> bool:
+    """Add new faces as a layer, which becomes the current one, with the columns that the old mesh has.
 
-    Returns False, without a layer, if a name cannot be stored in pymeshlab's files, such as one with spaces.
+    Returns False, without a layer, if the name of a texture cannot be stored in pymeshlab's files, such as one with
+    spaces.
     """
     vertices: dict[str, NDArray[Any]] = {**coordinate_columns(patch.vertex_matrix())}
-    if patch.has_vertex_color():
+    if old.has_vertex_color():
         vertices |= color_columns(patch.vertex_color_matrix())
-    if patch.has_vertex_scalar():
+    if old.has_vertex_scalar():
         vertices["double quality"] = patch.vertex_scalar_array()
-    if patch.has_vertex_tex_coord():
+    if old.has_vertex_tex_coord():
         u, v = patch.vertex_tex_coord_matrix().T
         vertices |= {"float texture_u": u, "float texture_v": v}
-    faces: dict[str, NDArray[Any]] = {
-        "list uchar int vertex_indices": patch.face_matrix(),
-        "list uchar float texcoord": coordinates.reshape(-1, 6),
-        "int texnumber": numbers,
-    }
-    if patch.has_face_color():
+    faces: dict[str, NDArray[Any]] = {"list uchar int vertex_indices": patch.face_matrix()}
+    if texture is not None:
+        faces["list uchar float texcoord"] = texture.faces.coordinates.reshape(-1, 6)
+        faces["int texnumber"] = texture.faces.images
+    if old.has_face_color():
         faces |= color_columns(patch.face_color_matrix())
-    if patch.has_face_scalar():
+    if old.has_face_scalar():
         faces["double quality"] = patch.face_scalar_array()
+    pictures = {} if texture is None else texture.pictures
     text = ply_text({"vertex": vertices, "face": faces}, [f"{_TEXTURE}{name}" for name in pictures])
     with temporary_folder() as folder:
         path = folder / "patch.ply"
