@@ -6,16 +6,14 @@ from xml.sax.saxutils import escape, quoteattr
 
 from paraview import print_error
 from paraview.util.vtkAlgorithm import VTKPythonAlgorithmBase, smdomain, smhint, smproperty, smproxy
-from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray, vtk_to_numpy
+from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkPoints
-from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
-from vtkmodules.vtkFiltersCore import vtkTriangleFilter
+from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from bezier_filters.fields import SMOOTH
 from bezier_filters.parameters import Parameter
 from bezier_filters_adapters.filters import (
     ERRORS,
-    FILL_HOLES,
     HELP,
     LABELS,
     default_of,
@@ -23,6 +21,7 @@ from bezier_filters_adapters.filters import (
     parameters_of,
     run,
 )
+from bezier_filters_adapters.vtk_fills import add_fill, triangles_of
 from bezier_filters_adapters.vtk_normals import renew_normals
 
 _ELEMENTS: dict[object, str] = {bool: "Int", int: "Int", float: "Double"}
@@ -81,25 +80,17 @@ def _filter(name: str, class_name: str) -> Any:
 def _apply(name: str, source: Any, target: Any, given: dict[str, object]) -> None:
     if source.GetPoints() is None:  # nothing came in
         return
-    triangles = vtkTriangleFilter()
-    triangles.PassVertsOff()
-    triangles.PassLinesOff()
-    triangles.SetInputData(source)
-    triangles.Update()
-    mesh = triangles.GetOutput()
-    faces = vtk_to_numpy(mesh.GetPolys().GetConnectivityArray()).reshape(-1, 3)
+    faces, cells = triangles_of(source)
     result = run(name, vtk_to_numpy(source.GetPoints().GetData()), faces, given)
-    if name != FILL_HOLES:
-        target.ShallowCopy(source)
-    if name in (SMOOTH, FILL_HOLES):
+    target.ShallowCopy(source)
+    if result.fill is not None:
+        add_fill(target, result.fill, cells)
+        return
+    if name == SMOOTH:
         points = vtkPoints()
         points.SetData(numpy_to_vtk(result.vertices, deep=True))
         target.SetPoints(points)
         renew_normals(target)
-    if name == FILL_HOLES:
-        cells = vtkCellArray()
-        cells.SetData(3, numpy_to_vtkIdTypeArray(result.faces.ravel().astype("int64"), deep=True))
-        target.SetPolys(cells)
     for column, values in result.fields.items():
         array = numpy_to_vtk(values, deep=True)
         array.SetName(column)

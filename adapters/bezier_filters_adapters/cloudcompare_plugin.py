@@ -2,10 +2,12 @@
 
 from collections.abc import Callable
 
+import numpy as np
 import pycc
 
 from bezier_filters.arrays import FloatArray
 from bezier_filters.fields import SMOOTH
+from bezier_filters_adapters.filled_fields import Fill, Values
 from bezier_filters_adapters.filters import ERRORS, FILL_HOLES, LABELS, run
 
 
@@ -39,21 +41,33 @@ def apply(name: str, mesh: pycc.ccMesh, **given: object) -> pycc.ccMesh:
     corners = (mesh.getTriangleVertIndexes(k) for k in range(mesh.size()))
     faces = [(corner.i1, corner.i2, corner.i3) for corner in corners]
     result = run(name, mesh.getAssociatedCloud().points(), faces, given)
+    fields = result.fields
+    if result.fill is not None:
+        fields = _grown_fields(mesh.getAssociatedCloud(), result.fill) | fields
     if name in (SMOOTH, FILL_HOLES):
         mesh = _added(result.vertices, result.faces.tolist(), f"{mesh.getName()} {LABELS[name].lower()}")
     cloud = mesh.getAssociatedCloud()
-    for column, values in result.fields.items():
+    for column, values in fields.items():
         known = cloud.getScalarFieldIndexByName(column)
         index = cloud.addScalarField(column) if known < 0 else known
         field = cloud.getScalarField(index)
         field.asArray()[:] = values
         field.computeMinAndMax()
-    if result.fields:
+    if fields:
         cloud.setCurrentDisplayedScalarField(cloud.getScalarFieldIndexByName(next(iter(result.fields))))
         mesh.showSF(True)
     pycc.ccLog.Print(result.summary)
     pycc.GetInstance().updateUI()
     return mesh
+
+
+def _grown_fields(cloud: pycc.ccPointCloud, fill: Fill) -> dict[str, Values]:
+    """Scalar fields of a cloud, with those of new vertices."""
+    fields = {}
+    for index in range(cloud.getNumberOfScalarFields()):
+        name, values = cloud.getScalarFieldName(index), np.array(cloud.getScalarField(index).asArray())
+        fields[name] = np.concatenate([values, fill.new_vertex_rows(name, values)])
+    return fields
 
 
 def _added(vertices: FloatArray, faces: list[list[int]], name: str) -> pycc.ccMesh:

@@ -19,6 +19,7 @@ from bezier_filters.errors import InvalidParameterError
 from bezier_filters.feature_lines.crease_lines import crease_columns
 from bezier_filters.fields import CREASES, CURVATURE, ESTIMATES, NORMALS, SMOOTH, TORSION, columns, fields_of
 from bezier_filters.parameters import LENGTH_TYPE, PARAMETERS, RUN, Parameter
+from bezier_filters_adapters.filled_fields import NEW, Fill, Values
 
 FILL_HOLES = "fill-holes"
 LABELS = {
@@ -50,12 +51,16 @@ _RENAMED = {"maxholesize": "max_edges"}  # parameters that functions of arrays c
 
 @dataclass(frozen=True)
 class Result:
-    """What a filter made: the mesh, the numbers of its vertices by the names of their columns, and a line to show."""
+    """What a filter made: the mesh, the numbers of its vertices by the names of their columns, and a line to show.
+
+    Of filled holes also where new rows begin, with which programs continue the fields that they have.
+    """
 
     vertices: FloatArray
     faces: IntArray
-    fields: dict[str, FloatArray]
+    fields: dict[str, Values]
     summary: str
+    fill: Fill | None = None
 
 
 def run(name: str, vertices: ArrayLike, faces: ArrayLike, given: Mapping[str, object]) -> Result:
@@ -72,7 +77,8 @@ def run(name: str, vertices: ArrayLike, faces: ArrayLike, given: Mapping[str, ob
         return Result(smoothed.vertices, faces, columns(SMOOTH, smoothed), repr(smoothed))
     if name == FILL_HOLES:
         filled = bf.fill_holes(vertices, faces, **_arguments(bf.fill_holes, values))
-        return Result(filled.vertices, filled.faces, {}, repr(filled))
+        fill = Fill(filled.vertices, filled.faces, len(vertices), len(faces))
+        return Result(filled.vertices, filled.faces, fill.marks(), repr(filled), fill)
     geometry = bf.estimate_vertex_geometry(vertices, faces, **_arguments(bf.estimate_vertex_geometry, values))
     if name == CREASES:
         creases = bf.find_creases(vertices, faces, geometry, **_arguments(bf.find_creases, values))
@@ -88,6 +94,8 @@ def parameters_of(name: str) -> list[Parameter]:
 
 def field_names(name: str) -> list[str]:
     """Columns that `run` gives."""
+    if name == FILL_HOLES:
+        return [NEW]
     return [field.column for field in fields_of(name) if field.attribute is not None or name == CREASES]
 
 

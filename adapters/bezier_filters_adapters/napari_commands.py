@@ -12,6 +12,7 @@ import numpy as np
 from bezier_filters.arrays import FloatArray
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.meshes.mesh_objects import Placement, placement_of_layer
+from bezier_filters_adapters.filled_fields import Fill, Values
 from bezier_filters_adapters.filters import LABELS, annotated, field_names, run
 
 LayerData = tuple[tuple[Any, ...], dict[str, Any], str]
@@ -33,19 +34,39 @@ def _command(name: str) -> Callable[..., LayerData]:
         world = placement.world_coordinates(mesh.vertices)
         result = run(name, world, placement.orient(mesh.faces), given)
         vertices = _in_data(placement, mesh.vertices, world, result.vertices)
-        values = () if shown is None else (result.fields[str(shown)],)
         handed_on = surface.as_layer_data_tuple()[1] if is_layer else {}
+        fields, values = result.fields, () if shown is None else (result.fields[str(shown)],)
+        if result.fill is not None:
+            fields = _grown_metadata(result.fill, handed_on.get("metadata", {})) | fields
+            if len(data) > len(("vertices", "faces")) and np.ptp(data[2]):  # else they say nothing
+                values, shown = (_grown(result.fill, data[2]),), LABELS[name]
         state = {key: handed_on[key] for key in _HANDED_ON if key in handed_on}
         state |= {"name": LABELS[name] if shown is None else str(shown)}
-        state |= {"metadata": result.fields | {"summary": result.summary}}
+        state |= {"metadata": fields | {"summary": result.summary}}
         return (vertices, placement.orient(result.faces), *values), state, "surface"
 
     before = [Parameter("surface", Parameter.POSITIONAL_OR_KEYWORD, annotation="napari.layers.Surface")]
-    if fields := tuple(field_names(name)):
+    if len(fields := tuple(field_names(name))) > 1:
         field = Parameter("field", Parameter.KEYWORD_ONLY, default=fields[0], annotation=Literal[fields])
         before.append(field)
     command.__annotations__["return"] = "napari.types.LayerDataTuple"
     return annotated(command, name, *before)
+
+
+def _grown_metadata(fill: Fill, metadata: dict[str, Any]) -> dict[str, Values]:
+    """Fields of the vertices among the metadata of a layer, with rows for new vertices."""
+    fields = {key: values for key, values in metadata.items() if isinstance(values, np.ndarray) and values.ndim}
+    return {
+        key: np.concatenate([values, fill.new_vertex_rows(key, values)])
+        for key, values in fields.items()
+        if len(values) == fill.old_vertices
+    }
+
+
+def _grown(fill: Fill, values: Values) -> Values:
+    """Values of a surface (..., n), with those of new vertices."""
+    columns = np.moveaxis(np.asarray(values), -1, 0)
+    return np.moveaxis(np.concatenate([columns, fill.new_vertex_rows("", columns)]), 0, -1)
 
 
 def _in_data(placement: Placement, before: FloatArray, world: FloatArray, result: FloatArray) -> FloatArray:

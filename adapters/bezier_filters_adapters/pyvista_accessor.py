@@ -8,6 +8,7 @@ import pyvista
 import bezier_filters as bf
 from bezier_filters.fields import SMOOTH
 from bezier_filters_adapters.filters import FILL_HOLES, LABELS, annotated, run
+from bezier_filters_adapters.vtk_fills import add_fill, triangles_of
 from bezier_filters_adapters.vtk_normals import renew_normals
 
 
@@ -26,10 +27,14 @@ class BezierAccessor:
 
 def _method(name: str) -> Callable[..., pyvista.PolyData]:
     def method(self: BezierAccessor, **given: object) -> pyvista.PolyData:
-        result = run(name, *bf.mesh_arrays(self._mesh), given)
-        if name == FILL_HOLES:
-            return bf.to_pyvista(result.vertices, result.faces)
         made = self._mesh.copy()
+        if name == FILL_HOLES:
+            faces, cells = triangles_of(made)
+            result = run(name, made.points, faces, given)
+            if result.fill is not None:
+                add_fill(made, result.fill, cells)
+            return made
+        result = run(name, *bf.mesh_arrays(self._mesh), given)
         if name == SMOOTH:
             made.points = result.vertices
             renew_normals(made)

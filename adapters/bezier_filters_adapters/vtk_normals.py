@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmodules.vtkFiltersCore import vtkPolyDataNormals
 
@@ -9,8 +10,11 @@ _NAMES = ("normals", "normal")  # in lower case, of arrays that programs write w
 _AXES = 3
 
 
-def renew_normals(mesh: Any) -> None:
-    """Set the normals that a vtkPolyData has, of points and of cells, to those of its polygons as they are now."""
+_ALL = slice(None)
+
+
+def renew_normals(mesh: Any, points: slice = _ALL, cells: slice = _ALL) -> None:
+    """Set the normals that a vtkPolyData has, of some points and cells, to those of its polygons as they are now."""
     bare = vtkPolyData()
     bare.CopyStructure(mesh)  # without the old normals, which the filter may keep
     normals = vtkPolyDataNormals()
@@ -22,22 +26,38 @@ def renew_normals(mesh: Any) -> None:
     normals.ComputeCellNormalsOn()
     normals.Update()
     made = normals.GetOutput()
-    _replace(mesh.GetPointData(), made.GetPointData().GetNormals(), mesh.GetNumberOfPoints())
-    _replace(mesh.GetCellData(), made.GetCellData().GetNormals(), mesh.GetNumberOfCells())
+    _replace(mesh.GetPointData(), made.GetPointData().GetNormals(), mesh.GetNumberOfPoints(), points)
+    _replace(mesh.GetCellData(), made.GetCellData().GetNormals(), mesh.GetNumberOfCells(), cells)
 
 
-def _replace(data: Any, new: Any, count: int) -> None:
-    """Replace the arrays of normals among some data; where there are no new ones for each row they go away."""
+def _replace(data: Any, new: Any, count: int, rows: slice) -> None:
+    """Replace some rows of the arrays of normals among some data.
+
+    Where there are no new ones for each row the arrays go away, or stay if not all rows are to be replaced.
+    """
+    if rows != _ALL:
+        if new is not None and new.GetNumberOfTuples() == count:
+            for array in _normals(data):
+                vtk_to_numpy(array)[rows] = vtk_to_numpy(new)[rows]
+        return
     active = data.GetNormals()
-    names = [data.GetArrayName(k) for k in range(data.GetNumberOfArrays())]
-    for name in names:
-        array = data.GetArray(name)
-        is_active = active is not None and name == active.GetName()
-        if not is_active and not (name and name.lower() in _NAMES and array.GetNumberOfComponents() == _AXES):
-            continue
+    for array in _normals(data):
+        name, is_active = array.GetName(), array is active
         data.RemoveArray(name)
         if new is not None and new.GetNumberOfTuples() == count:
             own = new.NewInstance()
             own.DeepCopy(new)
             own.SetName(name)
             data.SetNormals(own) if is_active else data.AddArray(own)
+
+
+def _normals(data: Any) -> list[Any]:
+    """Arrays of normals: the active one, and those with the names of normals."""
+    active = data.GetNormals()
+    arrays = [data.GetArray(k) for k in range(data.GetNumberOfArrays())]
+    return [
+        array
+        for array in arrays
+        if array is not None
+        and (array is active or ((array.GetName() or "").lower() in _NAMES and array.GetNumberOfComponents() == _AXES))
+    ]

@@ -8,18 +8,18 @@ import numpy as np
 
 from bezier_filters.fields import SMOOTH
 from bezier_filters.parameters import Parameter
+from bezier_filters_adapters.filled_fields import NEW, Fill
 from bezier_filters_adapters.filters import (
     ERRORS,
-    FILL_HOLES,
     HELP,
     LABELS,
-    Result,
     default_of,
     kind_of,
     parameters_of,
     run,
 )
 
+_NEW_FACES = f"{NEW}_face"
 _PROPERTIES = {bool: bpy.props.BoolProperty, int: bpy.props.IntProperty, float: bpy.props.FloatProperty}
 
 
@@ -48,8 +48,8 @@ def _execute(self: Any, context: Any) -> set[str]:
     except ERRORS as error:
         self.report({"ERROR"}, str(error))
         return {"CANCELLED"}
-    if self.filter_name == FILL_HOLES:
-        _add(mesh, result, len(vertices), len(faces))
+    if result.fill is not None:
+        _add(mesh, result.fill)
     if self.filter_name == SMOOTH:
         mesh.vertices.foreach_set("co", result.vertices.astype(np.float32).ravel())
     for column, values in result.fields.items():
@@ -64,17 +64,33 @@ def _execute(self: Any, context: Any) -> set[str]:
     return {"FINISHED"}
 
 
-def _add(mesh: Any, result: Result, vertex_count: int, face_count: int) -> None:
-    """Add what is new, so that polygons and their data stay."""
+def _add(mesh: Any, fill: Fill) -> None:
+    """Add what is new, so that polygons and their data stay; new rows of data are like old ones next to them.
+
+    Numbers of vertices are then continued smoothly. A name has one domain in Blender: `NEW` is a field of vertices,
+    that of the faces has a name of its own.
+    """
+    names = [item.name for item in mesh.attributes if (item.domain, item.data_type) == ("POINT", "FLOAT")]
+    fields = {name: np.empty(fill.old_vertices, np.float32) for name in names}
+    for name, values in fields.items():
+        mesh.attributes[name].data.foreach_get("value", values)
+    polygons = np.empty(fill.old_faces, np.int32)
+    mesh.loop_triangles.foreach_get("polygon_index", polygons)
     whole = bmesh.new()
     whole.from_mesh(mesh)
-    for place in result.vertices[vertex_count:]:
-        whole.verts.new(place)
-    whole.verts.ensure_lookup_table()
-    for face in result.faces[face_count:]:
-        whole.faces.new([whole.verts[k] for k in face])
+    vertices, faces = list(whole.verts), list(whole.faces)
+    for place, like in zip(fill.vertices[fill.old_vertices :], fill.like_vertex().tolist(), strict=True):
+        vertices.append(whole.verts.new(place, vertices[like]))
+    for face, like in zip(fill.new_faces, polygons[fill.like_face()].tolist(), strict=True):
+        whole.faces.new([vertices[k] for k in face], faces[like])
     whole.to_mesh(mesh)
     whole.free()
+    for name, values in fields.items():
+        grown = np.concatenate([values, fill.new_vertex_rows(name, values)])
+        mesh.attributes[name].data.foreach_set("value", grown)
+    is_new = np.arange(len(mesh.polygons)) >= len(faces)
+    marks = mesh.attributes.get(_NEW_FACES) or mesh.attributes.new(_NEW_FACES, "FLOAT", "FACE")
+    marks.data.foreach_set("value", is_new.astype(np.float32))
 
 
 def _operator(name: str) -> Any:

@@ -5,14 +5,13 @@ import time
 from dataclasses import asdict
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from bezier_filters.arrays import Report
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
+from bezier_filters.holes.adjacent_rows import adjacent_faces, nearest_rim_vertices
 from bezier_filters.holes.fill_methods import FillingMethod, HoleReport
 from bezier_filters.holes.hole_filling import HoleFillingResult, fill_holes
 from bezier_filters.holes.planar_fill import Correction
-from bezier_filters.meshes.half_edges import ends_of_half_edges, faces_at_edges
 from bezier_filters.meshlab.mesh_growth import MeshGrowth, grow_mesh
 from bezier_filters.meshlab.meshset import (
     BezierFilterError,
@@ -66,9 +65,10 @@ def meshing_close_holes_by_bezier_patch(
     its id, is gone. Old vertices and faces stay the first, bit for bit and in their order, with their textures,
     colours, quality, selection and custom attributes; label, transform and visibility stay, too. Colours and quality of
     vertices go on smoothly into the fills; those of faces, and attributes, are of the nearest old ones, and ``bz_*``
-    columns are 0, as nothing has been estimated there. New faces continue the texture of adjacent old faces from the
-    common edge on; they have none where a texture has a name with spaces, or two have the same name. Vertex and
-    face normals are those of the faces. If no hole is filled, nothing changes except by `repair`: pymeshlab's filters
+    columns are 0, as nothing has been estimated there. Texture coordinates go on smoothly, too; where a seam meets the
+    rim, or other faces show the texture inside the hole, new faces continue the texture of adjacent old faces from the
+    common edge on. They have no texture if one has a name with spaces, or two have the same name. Vertex and face
+    normals are those of the faces. If no hole is filled, nothing changes except by `repair`: pymeshlab's filters
     weld coincident borders, split edges of more than two faces, which loses selections and sets custom attributes to 0,
     split vertices at which surfaces only touch, and reorient flipped faces.
 
@@ -200,16 +200,9 @@ def fill_warnings(result: HoleFillingResult, diagonal: float) -> list[str]:
 
 def _growth(mesh: CurrentMesh, result: HoleFillingResult) -> MeshGrowth:
     """New vertices and faces, and the nearest old ones on the rims, whose attributes they get."""
-    vertices, faces = result.vertices[len(mesh.vertices) :], result.faces[len(mesh.faces) :]
-    rim = np.unique(faces[faces < len(mesh.vertices)])
-    adjacent = np.flatnonzero(np.isin(mesh.faces, rim).any(axis=1)).astype(np.int32)
-    centers = mesh.vertices[mesh.faces[adjacent]].mean(axis=1)
-    like_vertex = rim[cKDTree(mesh.vertices[rim]).query(vertices)[1]]
-    like_face = adjacent[cKDTree(centers).query(result.vertices[faces].mean(axis=1))[1]].astype(np.int32)
-    starts, ends = ends_of_half_edges(faces)
-    for across in faces_at_edges(mesh.faces[adjacent], ends, starts).reshape(-1, 3).T:
-        like_face = np.where(across >= 0, adjacent[across], like_face)  # an old face that shares an edge
-    return MeshGrowth(vertices, faces, like_vertex.astype(np.int32), like_face)
+    n, faces = len(mesh.vertices), result.faces[len(mesh.faces) :]
+    like_vertex = nearest_rim_vertices(result.vertices, faces, n)
+    return MeshGrowth(result.vertices[n:], faces, like_vertex, adjacent_faces(result.vertices, mesh.faces, faces))
 
 
 def _describe_hole(hole: HoleReport) -> Report:

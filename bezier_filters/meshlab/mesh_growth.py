@@ -4,15 +4,16 @@ pymeshlab can only merge layers, and welds vertices with equal coordinates when 
 layer with the new faces are merged while each vertex has its number for a coordinate: vertices that lie in
 one place, as at the seams of textures, stay apart. The mesh itself is deleted when everything has gone well.
 
-pymeshlab makes meshes from arrays, but not with the number of the texture that a face shows: its faces would have none.
-Only files bring it along, so new faces of textured meshes are written to one and loaded.
+pymeshlab makes meshes from arrays, but without the number of the texture that a face shows, and always with colours and
+quality of vertices, which the merged mesh would have, too. So the new faces of meshes with textures, or without colours
+or quality, are written to a file and loaded.
 """
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,7 @@ from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.fields import PREFIX
 from bezier_filters.files.ply_text import color_columns, coordinate_columns, ply_text
 from bezier_filters.holes.polyharmonic_fairing import polyharmonic_continuation
+from bezier_filters.holes.texture_continuation import Texture, continue_texture
 from bezier_filters.meshlab.mesh_attributes import (
     ATTRIBUTES,
     KEPT_LEFTOVER,
@@ -43,6 +45,13 @@ class MeshGrowth:
     faces: IntArray  # (f, 3): new ones
     like_vertex: IntArray  # (k,): old vertex from which each new one has its attributes
     like_face: IntArray  # (f,): old face from which each new one has them
+
+
+class _PatchTexture(NamedTuple):
+    """Texture of new faces."""
+
+    faces: Texture
+    pictures: dict[str, Image]  # by name, in the order of their numbers
 
 
 def grow_mesh(ms: MeshSet, growth: MeshGrowth, *, select: bool) -> tuple[list[str], bool]:
@@ -71,9 +80,12 @@ def grow_mesh(ms: MeshSet, growth: MeshGrowth, *, select: bool) -> tuple[list[st
         numbers[:, 0] = np.arange(len(vertices))
         write_coordinates(ms, numbers[: old.vertex_number()])
         patch = _patch(old, growth, vertices, numbers)
-        textured = texture is not None and _load_patch(ms, patch, *texture)
-        if not textured:
+        textured = texture is not None and _load_patch(ms, old, patch, texture)
+        if not textured and old.has_vertex_color() and old.has_vertex_scalar():
             ms.add_mesh(patch, "new faces", set_as_current=False)
+        elif not textured:
+            _load_patch(ms, old, patch)
+        textured &= old.texture_number() > 0
         ms.set_current_mesh(copy)
         ms.generate_by_merging_visible_meshes(
             mergevisible=True, deletelayer=True, mergevertices=True, alsounreferenced=True
@@ -134,69 +146,48 @@ def _attributes(ms: MeshSet, mesh: Mesh, growth: MeshGrowth) -> tuple[list[tuple
     return found, lost
 
 
-def _texture(
-    ms: MeshSet, old: Mesh, growth: MeshGrowth, vertices: FloatArray
-) -> tuple[FloatArray, IntArray, dict[str, Image]] | None:
-    """Texture of the new faces, if old ones have one: coordinates (3 f, 2), texture numbers (f,), images by name."""
-    if not old.has_wedge_tex_coord() or not old.texture_number():
+def _texture(ms: MeshSet, old: Mesh, growth: MeshGrowth, vertices: FloatArray) -> _PatchTexture | None:
+    """Texture coordinates of the new faces, if old ones have some, and images, if their names are distinct."""
+    if not old.has_wedge_tex_coord():
         return None
     names, numbers = textures_of(ms)
     if len(set(names)) < len(names):  # numbers follow the names when layers are merged
         return None
-    like = growth.like_face
-    coordinates = wedge_coordinates(
-        vertices[growth.faces], vertices[old.face_matrix()[like]], old.wedge_tex_coord_matrix().reshape(-1, 3, 2)[like]
-    )
-    return coordinates.reshape(-1, 2), numbers[like], {name: old.texture(name) for name in names}
+    known = Texture(old.wedge_tex_coord_matrix().reshape(-1, 3, 2), numbers)
+    new = continue_texture(vertices, old.face_matrix(), growth.faces, growth.like_face, known)
+    return _PatchTexture(new, {name: old.texture(name) for name in names})
 
 
 def _patch(old: Mesh, growth: MeshGrowth, vertices: FloatArray, numbers: FloatArray) -> Mesh:
-    """The new faces as a mesh, with colours and quality of vertices continued smoothly from the rim.
+    """The new faces as a mesh, with colours, quality and texture coordinates of vertices continued harmonically.
 
-    Attributes of faces and texture coordinates are those of the nearest old ones.
+    Attributes of faces are those of the nearest old ones.
     """
     used, local = np.unique(growth.faces, return_inverse=True)
     faces, rim = local.reshape(-1, 3).astype(np.int32), used[used < old.vertex_number()]
-    source = np.concatenate([np.arange(old.vertex_number()), growth.like_vertex])[used]
     options: dict[str, Any] = {}
-    colors = old.vertex_color_matrix() if old.has_vertex_color() else np.zeros((old.vertex_number(), 0))
-    scalars = old.vertex_scalar_array()[:, np.newaxis] if old.has_vertex_scalar() else colors[:, :0]
-    if colors.size or scalars.size:
-        known = np.hstack([scalars, colors])[rim].astype(np.float64)
-        continued = polyharmonic_continuation(vertices[used], faces, known)
-        if scalars.size:
-            options["v_scalar_array"] = continued[:, 0]
-        if colors.size:
-            half = 0.5 / 255  # pymeshlab rounds down
-            options["v_color_matrix"] = np.clip(continued[:, -colors.shape[1] :] + half, 0.0, 1.0)
+    known = dict[str, FloatArray]()
+    if old.has_vertex_scalar():
+        known["v_scalar_array"] = old.vertex_scalar_array()[:, np.newaxis]
+    if old.has_vertex_color():
+        known["v_color_matrix"] = old.vertex_color_matrix()
     if old.has_vertex_tex_coord():
-        options["v_tex_coords_matrix"] = old.vertex_tex_coord_matrix()[source]
+        known["v_tex_coords_matrix"] = old.vertex_tex_coord_matrix()
+    if known:
+        columns = np.hstack(list(known.values()))[rim].astype(np.float64)
+        continued = polyharmonic_continuation(vertices[used], faces, columns)
+        widths = [values.shape[1] for values in known.values()]
+        options |= dict(zip(known, np.split(continued, np.cumsum(widths)[:-1], axis=1), strict=True))
+    if old.has_vertex_scalar():
+        options["v_scalar_array"] = options["v_scalar_array"][:, 0]
+    if old.has_vertex_color():
+        half = 0.5 / 255  # pymeshlab rounds down
+        options["v_color_matrix"] = np.clip(options["v_color_matrix"] + half, 0.0, 1.0)
     if old.has_face_color():
         options["f_color_matrix"] = old.face_color_matrix()[growth.like_face]
     if old.has_face_scalar():
         options["f_scalar_array"] = old.face_scalar_array()[growth.like_face]
     return Mesh(numbers[used], faces, **options)
-
-
-def wedge_coordinates(corners: FloatArray, triangles: FloatArray, coordinates: FloatArray) -> FloatArray:
-    """Texture coordinates (f, 3, 2) for corners (f, 3, 3) of new faces: those of the nearest points on old triangles.
-
-    The triangles (f, 3, 3), with texture coordinates (f, 3, 2), are old faces next to the new ones. New faces thus show
-    only parts of the texture that old faces show, and the texture is continuous across common edges.
-
-    >>> old = np.array([[[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]])
-    >>> new = np.array([[[1.0, 0, 0], [2, 2, 0], [0, 1, 0]]])
-    >>> wedge_coordinates(new, old, old[..., :2])[0].tolist()
-    [[1.0, 0.0], [0.5, 0.5], [0.0, 1.0]]
-    """
-    a, b, c = (triangles[:, np.newaxis, k] for k in range(3))
-    normal = np.cross(b - a, c - a)
-    squared = np.maximum(np.einsum("fkj,fkj->fk", normal, normal), 1e-300)
-    weights = [np.einsum("fkj,fkj->fk", np.cross(q - p, corners - p), normal) / squared for p, q in ((b, c), (c, a))]
-    barycentric = np.stack([*weights, 1.0 - weights[0] - weights[1]], axis=2)
-    barycentric = np.maximum(barycentric, 0.0)  # 0 beyond an edge; the sum is 1 or more
-    barycentric /= barycentric.sum(axis=2, keepdims=True)
-    return np.asarray(barycentric @ coordinates, dtype=np.float64)
 
 
 def textures_of(ms: MeshSet) -> tuple[list[str], IntArray]:
@@ -222,30 +213,29 @@ def textures_of(ms: MeshSet) -> tuple[list[str], IntArray]:
     return names, rows["number"].astype(np.int32)
 
 
-def _load_patch(
-    ms: MeshSet, patch: Mesh, coordinates: FloatArray, numbers: IntArray, pictures: dict[str, Image]
-) -> bool:
-    """Add new faces with their texture as a layer, which becomes the current one.
+def _load_patch(ms: MeshSet, old: Mesh, patch: Mesh, texture: _PatchTexture | None = None) -> bool:
+    """Add new faces as a layer, which becomes the current one, with the columns that the old mesh has.
 
-    Returns False, without a layer, if a name cannot be stored in pymeshlab's files, such as one with spaces.
+    Returns False, without a layer, if the name of a texture cannot be stored in pymeshlab's files, such as one with
+    spaces.
     """
     vertices: dict[str, NDArray[Any]] = {**coordinate_columns(patch.vertex_matrix())}
-    if patch.has_vertex_color():
+    if old.has_vertex_color():
         vertices |= color_columns(patch.vertex_color_matrix())
-    if patch.has_vertex_scalar():
+    if old.has_vertex_scalar():
         vertices["double quality"] = patch.vertex_scalar_array()
-    if patch.has_vertex_tex_coord():
+    if old.has_vertex_tex_coord():
         u, v = patch.vertex_tex_coord_matrix().T
         vertices |= {"float texture_u": u, "float texture_v": v}
-    faces: dict[str, NDArray[Any]] = {
-        "list uchar int vertex_indices": patch.face_matrix(),
-        "list uchar float texcoord": coordinates.reshape(-1, 6),
-        "int texnumber": numbers,
-    }
-    if patch.has_face_color():
+    faces: dict[str, NDArray[Any]] = {"list uchar int vertex_indices": patch.face_matrix()}
+    if texture is not None:
+        faces["list uchar float texcoord"] = texture.faces.coordinates.reshape(-1, 6)
+        faces["int texnumber"] = texture.faces.images
+    if old.has_face_color():
         faces |= color_columns(patch.face_color_matrix())
-    if patch.has_face_scalar():
+    if old.has_face_scalar():
         faces["double quality"] = patch.face_scalar_array()
+    pictures = {} if texture is None else texture.pictures
     text = ply_text({"vertex": vertices, "face": faces}, [f"{_TEXTURE}{name}" for name in pictures])
     with temporary_folder() as folder:
         path = folder / "patch.ply"

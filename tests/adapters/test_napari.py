@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hole_cases import without_faces_near
 
 import bezier_filters as bf
 from bezier_filters.surfaces import sphere, torus
@@ -13,6 +14,11 @@ from bezier_filters_adapters.filters import LABELS, field_names, parameters_of
 
 MANIFEST = Path(__file__).parents[2] / "adapters" / "bezier_filters_adapters" / "napari.yaml"
 SHAPE = torus(resolution=16)
+FINE = torus(resolution=24)
+HOLED = (  # vertices and faces of a torus with a hole
+    FINE.vertices,
+    without_faces_near(FINE.vertices, FINE.faces, np.array([1.0, 0.0, 0.4]), 0.3),
+)
 COMMANDS = {
     title: (module, function)
     for title, module, function in re.findall(r"title: (.*)\n +python_name: (.*):(.*)", MANIFEST.read_text("utf-8"))
@@ -54,8 +60,21 @@ def test_a_field_can_be_chosen():
 
 
 def test_holes_are_filled():
-    (vertices, faces), _, _ = command("fill-holes")((SHAPE.vertices, SHAPE.faces[4:]))
+    (vertices, faces, marks), state, _ = command("fill-holes")(HOLED)
     assert bf.boundary_loops(bf.triangle_mesh(vertices, faces)) == []
+    assert len(vertices) > len(HOLED[0])
+    np.testing.assert_array_equal(marks, np.arange(len(vertices)) >= len(HOLED[0]))
+    np.testing.assert_array_equal(state["metadata"]["bz_new"], marks)
+
+
+@pytest.mark.parametrize("rows", [(), (2,)])
+def test_values_go_on_into_fills(rows):
+    """Also those of several times."""
+    given = np.broadcast_to(HOLED[0][:, 0], (*rows, len(HOLED[0])))
+    (vertices, _, values), state, _ = command("fill-holes")((*HOLED, given))
+    assert state["name"] == LABELS["fill-holes"]
+    np.testing.assert_array_equal(values[..., : len(HOLED[0])], given)
+    np.testing.assert_allclose(values, np.broadcast_to(vertices[:, 0], values.shape), atol=0.02)
 
 
 def ball_in_voxels(layer_class, scale):
@@ -88,7 +107,7 @@ def test_fills_continue_the_surface_in_the_world():
     whole = ball_in_voxels(layers.Surface, (2.0, -0.5, 0.25))
     cap = (np.abs(bf.mesh_arrays(whole)[0] - [11.0, 2.0, 3.0]).max(axis=1) < 3.0)[whole.faces].any(axis=1)
     layer = layers.Surface((whole.vertices, whole.faces[~cap]), scale=whole.scale, translate=whole.translate)
-    (vertices, faces), state, _ = command("fill-holes")(layer)
+    (vertices, faces, _), state, _ = command("fill-holes")(layer)
     np.testing.assert_array_equal(vertices[: len(layer.vertices)], layer.vertices)
     np.testing.assert_array_equal(faces[: len(layer.faces)], layer.faces)
     report = bf.inspect_mesh(vertices, faces)

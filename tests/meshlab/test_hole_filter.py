@@ -143,7 +143,11 @@ def test_quality_and_colours_go_on_into_fills():
     shade = np.c_[0.5 * vertices[:, :2], np.full(len(vertices), 0.25), np.ones(len(vertices))]
     ms = pymeshlab.MeshSet()
     mesh = pymeshlab.Mesh(
-        vertices, local.reshape(-1, 3).astype(np.int32), v_scalar_array=3.0 * vertices[:, 0], v_color_matrix=shade
+        vertices,
+        local.reshape(-1, 3).astype(np.int32),
+        v_scalar_array=3.0 * vertices[:, 0],
+        v_color_matrix=shade,
+        v_tex_coords_matrix=vertices[:, :2],
     )
     ms.add_mesh(mesh)
     assert meshing_close_holes_by_bezier_patch(ms)["new_vertices"] > 0
@@ -154,6 +158,7 @@ def test_quality_and_colours_go_on_into_fills():
     rounded = 1.51 / 255  # down, and then to the nearest
     np.testing.assert_allclose(colors[new, :2], 0.5 * where[new, :2], atol=rounded)
     assert len(np.unique(colors[:, 2])) == len(np.unique(colors[:, 3])) == 1
+    np.testing.assert_allclose(filled.vertex_tex_coord_matrix()[new], where[new, :2], atol=1e-6)  # single precision
 
 
 def edges_with_coordinates(mesh, faces):
@@ -185,6 +190,28 @@ def test_new_faces_show_the_texture_of_those_beside_them(filled, tmp_path):
     after.save_current_mesh(str(tmp_path / "closed.obj"))
     materials = (tmp_path / "closed.obj.mtl").read_text()
     assert materials.count("newmtl") == materials.count("map_Kd TextureDouble_A.png")
+
+
+def test_texture_coordinates_go_on_into_fills_without_seams(textured, tmp_path):
+    """The horizontal coordinates of a hemisphere, which the texture shows from above."""
+    textured.current_mesh().texture(0).save(str(tmp_path / "skin.png"))
+    ball = sphere(resolution=16)
+    centers = ball.vertices[ball.faces].mean(axis=1)
+    faces = ball.faces[(centers[:, 2] > -0.1) & (np.linalg.norm(centers - [0.3, 0.1, 0.9], axis=1) > 0.3)]
+    used, local = np.unique(faces, return_inverse=True)
+    vertices, faces = ball.vertices[used], local.reshape(-1, 3).astype(np.int32)
+    ms = pymeshlab.MeshSet()
+    wedges = np.ascontiguousarray(vertices[faces].reshape(-1, 3)[:, :2])
+    ms.add_mesh(pymeshlab.Mesh(vertices, faces, w_tex_coords_matrix=wedges))
+    ms.set_texture_per_mesh(textname=str(tmp_path / "skin.png"))
+    assert meshing_close_holes_by_bezier_patch(ms, maxdiameter=1.0)["textured"]
+    mesh = ms.current_mesh()
+    found, corners = mesh.wedge_tex_coord_matrix(), mesh.face_matrix().ravel()
+    truth = mesh.vertex_matrix()[corners, :2]
+    np.testing.assert_allclose(found, truth, atol=0.02)  # x is not harmonic on the sphere: its Laplacian is -2 x
+    old = corners < len(vertices)
+    assert not old[3 * len(faces) :].all()
+    np.testing.assert_allclose(found[old], truth[old], atol=1e-6)  # single precision
 
 
 @pytest.fixture
