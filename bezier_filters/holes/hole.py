@@ -1,7 +1,9 @@
 """A hole of a mesh, or another border: its loops and its kind.
 
 The total geodesic curvature of a border, seen from its surface, distinguishes holes from outer rims: by Gauss-Bonnet it
-is -2 pi around a hole in a plane, 0 at the end of a tube and 2 pi around a flat sheet.
+is -2 pi around a hole in a plane, 0 at the end of a tube and 2 pi around a flat sheet. The mean cosine of the angle
+between the plane of the rim and the faces there is 1, 0 and -1. Noise hardly changes it, as the sum of the area vectors
+of faces depends on the border of their union alone.
 """
 
 from dataclasses import dataclass
@@ -11,6 +13,7 @@ from bezier_filters.arrays import IntArray
 
 # total geodesic curvature of an outer rim, in radians: half-way from the end of a tube to a flat disk
 MIN_OUTER_RIM_TURNING = pi
+MAX_END_COSINE = 0.5  # mean cosine at the end of a surface: half-way from a hole in a plane to a tube
 
 
 @dataclass(frozen=True)
@@ -25,7 +28,8 @@ class Hole:
     perimeter: float  # of all loops
     diameter: float  # largest distance between two vertices of the rim, a length
     obstacle: str = ""  # why it cannot be filled; empty if it can
-    is_end: bool = False  # whether the surface arrives at the rim rather like a tube than like the plane of the rim
+    cosine: float = 1.0  # mean cosine of the angle between the plane of the rim and the faces there; see the module
+    is_border: bool = False  # whether a lid would be large compared with the component, as that of a scan from one side
     is_circle: bool = False  # whether it is a circle in a plane, in an open sheet, as of a bolt hole
     non_manifold_edges: int = 0  # number of edges of a non-manifold border, whose only "loop" is a list of its vertices
 
@@ -37,7 +41,12 @@ class Hole:
     @property
     def is_outer_rim(self) -> bool:
         """Whether this is the outer border of an open sheet."""
-        return self.turning > MIN_OUTER_RIM_TURNING
+        return self.turning > MIN_OUTER_RIM_TURNING or self.is_border
+
+    @property
+    def is_end(self) -> bool:
+        """Whether the surface arrives at the rim rather like a tube, or a sheet, than like the plane of the rim."""
+        return self.cosine < MAX_END_COSINE
 
     @property
     def edge_count(self) -> int:

@@ -18,10 +18,10 @@ from scipy.sparse.csgraph import connected_components
 from bezier_filters.arguments import brief_repr
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError, is_integer, is_real
-from bezier_filters.holes.hole import MIN_OUTER_RIM_TURNING, Hole
+from bezier_filters.holes.hole import MAX_END_COSINE, MIN_OUTER_RIM_TURNING, Hole
 from bezier_filters.holes.islands import assign_islands, join_rims_of_faces
 from bezier_filters.holes.loops import angle_sums, diameter, plane_axes, vector_area
-from bezier_filters.holes.rim_planes import is_flat_circle
+from bezier_filters.holes.rim_planes import is_flat_circle, rim_plane
 from bezier_filters.holes.rim_turning import smooth_turning
 from bezier_filters.meshes.adjacency import components
 from bezier_filters.meshes.half_edges import BorderEdges, border_edges, coincident_border_edges, cycles
@@ -30,8 +30,9 @@ from bezier_filters.meshes.neighbourhoods import search_workspace
 from bezier_filters.meshes.prepared_mesh import PreparedMesh
 from bezier_filters.meshes.triangles import area_vectors
 
-# Cosine of the angle of the surface to the plane of a rim where it ends: half-way from a hole in that plane to a tube.
-MAX_END_COSINE = 0.5
+# Area of a lid, over that of the component that it would close, from which a rim is the border of a surface and no hole
+# in it: that of a cap of 70 degrees, cut from a sphere. Range scans have .34 to .7, statues without their bases .2.
+MIN_LID_SHARE = 1.0 / 3.0
 WELD_HINT = "it has no width; weld them first (repair=True of the filter, or meshing_merge_close_vertices)"
 ORIENT_HINT = "repair them first (repair=True of the filter, or pymeshlab's meshing_repair filters)"
 
@@ -64,7 +65,7 @@ def find_holes(mesh: PreparedMesh) -> list[Hole]:
             obstacle = f"{count} of its {len(rim)} edges lie on those of another border: {WELD_HINT}" if count else ""
             length = float(np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1).sum())
             fill = rim[::-1].copy()
-            holes.append(Hole((fill,), turning, length, diameter(points), obstacle, _is_end(mesh, fill)))
+            holes.append(Hole((fill,), turning, length, diameter(points), obstacle, _mean_cosine(mesh, fill)))
     for start, end in rest:
         length = np.linalg.norm(mesh.vertices[end] - mesh.vertices[start], axis=1).sum()
         where = end[border.non_manifold[end]][0]
@@ -73,20 +74,41 @@ def find_holes(mesh: PreparedMesh) -> list[Hole]:
         holes.append(
             Hole((rim,), 0.0, float(length), diameter(mesh.vertices[rim]), obstacle, non_manifold_edges=len(start))
         )
-    holes.sort(key=lambda hole: int(hole.rim.min()))
+    holes = _find_borders(mesh, sorted(holes, key=lambda hole: int(hole.rim.min())))
     return _find_circles(mesh, join_rims_of_faces(mesh, assign_islands(mesh, holes)))
 
 
-def _is_end(mesh: PreparedMesh, rim: IntArray) -> bool:
-    """Whether the faces at a rim, in the direction of the faces that fill it, are steep to its plane.
-
-    The mean cosine of their angle to the plane is 1 around a hole in it and 0 at the end of a tube. Noise hardly
-    changes it, as the sum of the area vectors of faces depends on the border of their union alone.
-    """
+def _mean_cosine(mesh: PreparedMesh, rim: IntArray) -> float:
+    """See `Hole.cosine`; the rim runs in the direction of the faces that fill it."""
     area = vector_area(mesh.vertices[rim])
     around = area_vectors(mesh.vertices, mesh.faces[np.unique(mesh.adjacency.faces.of(rim))])
-    most = MAX_END_COSINE * np.linalg.norm(area) * np.linalg.norm(around, axis=1).sum()
-    return bool(around.sum(axis=0) @ area < most)
+    most = float(np.linalg.norm(area) * np.linalg.norm(around, axis=1).sum())
+    return float(around.sum(axis=0) @ area) / most if most else 1.0
+
+
+def _find_borders(mesh: PreparedMesh, holes: list[Hole]) -> list[Hole]:
+    """Mark rims whose lid would be large compared with the component, and opposite to it.
+
+    By Gauss's theorem the sum of the area vectors of the faces of a component is opposite to that of its lids, so it is
+    0 for a tube with two ends. Flat ends are holes however large, as somebody has made them.
+    """
+    uncertain = [k for k, hole in enumerate(holes) if hole.cosine < 0.0 and not (hole.is_outer_rim or hole.obstacle)]
+    uncertain = [k for k in uncertain if not _is_flat_end(mesh, holes[k])]
+    if not uncertain:
+        return holes
+    component = components(mesh.adjacency)
+    areas, owner = area_vectors(mesh.vertices, mesh.faces), component[mesh.faces[:, 0]]
+    for k in uncertain:
+        own = areas[owner == component[holes[k].rim[0]]]
+        lid = vector_area(mesh.vertices[holes[k].rim])
+        share = -(own.sum(axis=0) @ lid) / (np.linalg.norm(lid) * np.linalg.norm(own, axis=1).sum())
+        holes[k] = replace(holes[k], is_border=bool(share > MIN_LID_SHARE))
+    return holes
+
+
+def _is_flat_end(mesh: PreparedMesh, hole: Hole) -> bool:
+    plane = rim_plane([mesh.vertices[hole.rim]])
+    return plane is not None and plane.is_nearly_flat and abs(hole.cosine) < MAX_END_COSINE
 
 
 def _find_circles(mesh: PreparedMesh, holes: list[Hole]) -> list[Hole]:

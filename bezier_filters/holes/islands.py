@@ -11,15 +11,12 @@ import numpy as np
 from bezier_filters.arrays import FloatArray
 from bezier_filters.holes.hole import Hole
 from bezier_filters.holes.loops import plane_axes, points_in_polygon, vector_area
-from bezier_filters.holes.rim_planes import RimPlane, rim_plane
+from bezier_filters.holes.rim_planes import MAX_ROUGH_DISTANCE, RimPlane, rim_plane
 from bezier_filters.meshes.adjacency import Rows
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.self_intersections import faces_in_boxes
 
 MAX_ISLAND_HEIGHT = 0.25  # distance of an island from the plane of its hole, in diameters of the hole
-# Root mean square height of the rims around one flat face over their plane, in edges, whatever the noise: with more,
-# they might end at different heights.
-MAX_FACE_HEIGHT = 0.5
 
 
 def assign_islands(mesh: TriangleMesh, holes: list[Hole]) -> list[Hole]:
@@ -50,7 +47,7 @@ def join_rims_of_faces(mesh: TriangleMesh, holes: list[Hole]) -> list[Hole]:
     """
     ends = [k for k, hole in enumerate(holes) if hole.is_end and not hole.is_outer_rim and not hole.obstacle]
     planes = {k: rim_plane([mesh.vertices[holes[k].rim]]) for k in ends}
-    flat = {k: plane for k, plane in planes.items() if plane and plane.distance <= MAX_FACE_HEIGHT * plane.edge}
+    flat = {k: plane for k, plane in planes.items() if plane and plane.is_nearly_flat}
     if len(flat) < 2:
         return holes
     order = sorted(flat, key=lambda k: -holes[k].diameter)
@@ -76,7 +73,7 @@ def _bound_one_face(inner: FloatArray, island: RimPlane, outer: FloatArray, plan
     heights = (np.concatenate([inner, outer]) - plane.origin) @ plane.axes[2]
     return bool(
         island.axes[2] @ plane.axes[2] < 0.0
-        and np.sqrt(np.square(heights).mean()) <= MAX_FACE_HEIGHT * min(island.edge, plane.edge)
+        and np.sqrt(np.square(heights).mean()) <= MAX_ROUGH_DISTANCE * min(island.edge, plane.edge)
         and points_in_polygon(plane.project(inner), plane.project(outer)).all()
     )
 

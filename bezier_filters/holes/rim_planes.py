@@ -16,6 +16,8 @@ from bezier_filters.holes.loops import plane_axes, vector_area
 # a tenth of an edge away or more, those in files of few digits a hundredth.
 MAX_PLANE_DISTANCE = 0.01
 MAX_NOISE_RATIO = 1.5  # the same over the noise: one in a hundred rims of twelve vertices exceeds it
+# The same, in edges, of a rim that may be flat, whatever the noise; with more, rims might end at different heights.
+MAX_ROUGH_DISTANCE = 0.5
 MIN_CIRCLE_EDGES = 8  # of a rim: the six corners around a vertex of a regular mesh lie on a circle, too
 
 
@@ -27,6 +29,11 @@ class RimPlane:
     axes: FloatArray  # (3, 3): rows are two directions in the plane and the normal
     distance: float  # root mean square distance of the vertices from it, a length
     edge: float  # mean length of the edges, a length
+
+    @property
+    def is_nearly_flat(self) -> bool:
+        """Whether the rim may lie in a plane, apart from noise."""
+        return self.distance <= MAX_ROUGH_DISTANCE * self.edge
 
     def is_flat(self, noise: float | None) -> bool:
         """Whether the distances are those of noise with this standard deviation and of rounding."""
