@@ -167,7 +167,7 @@ def _fill_on_surface(side: InfluenceRegion, surface: ImplicitSurface | None) -> 
     if isinstance(fill, str) or surface is None:
         return fill
     moved = project_to_surface(fill, side, surface) if len(fill.points) > fill.rim_count else fill
-    return fill if moved is None else attach_to_rim(moved, side, surface)
+    return fill if isinstance(moved, str) else attach_to_rim(moved, side, surface)
 
 
 def _fill_sub_holes(

@@ -20,7 +20,7 @@ from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError, is_integer, is_real
 from bezier_filters.holes.hole import MAX_END_COSINE, MIN_OUTER_RIM_TURNING, Hole
 from bezier_filters.holes.islands import assign_islands, join_rims_of_faces
-from bezier_filters.holes.loops import angle_sums, diameter, plane_axes, vector_area
+from bezier_filters.holes.loops import angle_sums, diameter, plane_axes, simple_loops, vector_area
 from bezier_filters.holes.rim_planes import is_flat_circle, rim_plane
 from bezier_filters.holes.rim_turning import smooth_turning
 from bezier_filters.meshes.adjacency import components
@@ -130,27 +130,6 @@ def _find_circles(mesh: PreparedMesh, holes: list[Hole]) -> list[Hole]:
 def _count_listed(keys: IntArray, listed: IntArray) -> int:
     """Number of keys found in a sorted array, counted with their multiplicity there."""
     return int((np.searchsorted(listed, keys, side="right") - np.searchsorted(listed, keys)).sum())
-
-
-def simple_loops(loop: IntArray) -> list[IntArray]:
-    """Split a closed loop into simple ones, at the vertices that it passes more than once.
-
-    >>> [simple.tolist() for simple in simple_loops(np.array([0, 1, 2, 0, 3, 4], dtype=np.int32))]
-    [[0, 1, 2], [0, 3, 4]]
-    """
-    found: list[IntArray] = []
-    path: list[int] = []
-    place: dict[int, int] = {}
-    for vertex in [*loop.tolist(), int(loop[0])]:
-        if vertex in place:
-            begin = place[vertex]
-            found.append(np.array(path[begin:], dtype=np.int32))
-            for passed in path[begin:]:
-                del place[passed]
-            del path[begin:]
-        place[vertex] = len(path)
-        path.append(vertex)
-    return [simple for simple in found if len(simple) > 2]
 
 
 def _border_loops(

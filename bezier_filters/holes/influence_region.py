@@ -69,8 +69,9 @@ class InfluenceRegion:
 
     @cached_property
     def rim_edges(self) -> IntArray:
-        """Existing edges between rim vertices, (p, 2); a fill must not repeat them."""
-        return np.concatenate([self.joined, vertex_pairs(self.faces, self.rim_count)])
+        """Existing edges between rim vertices, (p, 2), and pairs in one place; a fill must not have such edges."""
+        existing = vertex_pairs(self.faces, self.rim_count)
+        return np.concatenate([self.joined, existing, _coincident_pairs(self.rim_vertices)])
 
     @cached_property
     def _half_edges(self) -> HalfEdgeLists:
@@ -147,6 +148,17 @@ def _collect_faces(
     for k in range(count):
         is_found[found[k]] = False
     return count
+
+
+def _coincident_pairs(points: FloatArray) -> IntArray:
+    """Pairs of points (n, 3) in one place, (p, 2)."""
+    order = np.lexsort(points.T)
+    place = np.cumsum(np.r_[0, (np.diff(points[order], axis=0) != 0.0).any(axis=1)])
+    pairs = [np.empty((0, 2), dtype=np.int32)]
+    for apart in range(1, int(np.bincount(place).max(initial=1))):  # all of three or more in one place
+        same = np.flatnonzero(place[apart:] == place[:-apart])
+        pairs.append(np.column_stack([order[same], order[same + apart]]).astype(np.int32))
+    return np.concatenate(pairs)
 
 
 def vertex_pairs(faces: IntArray, limit: int) -> IntArray:

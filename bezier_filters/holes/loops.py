@@ -1,8 +1,8 @@
 """Closed polygons in space: vector area, diameter, angles, and triangulation without new vertices.
 
-Small loops get the triangulation that minimises the largest dihedral angle and then the area, by dynamic programming in
-O(k^3) (G. Barequet, M. Sharir, 1995; P. Liepa, "Filling holes in meshes", SGP 2003). Larger loops are first reduced by
-ear clipping, in the order of the chord lengths.
+Small loops get the triangulation that minimises the largest dihedral angle and then the area, or only the area, by
+dynamic programming in O(k^3) (G. Barequet, M. Sharir, 1995; P. Liepa, "Filling holes in meshes", SGP 2003). Larger
+loops are first reduced by ear clipping, in the order of the chord lengths.
 """
 
 import heapq
@@ -147,10 +147,37 @@ def _side(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
     return np.sign(ab[..., 0] * ac[..., 1] - ab[..., 1] * ac[..., 0])
 
 
+def simple_loops(loop: IntArray) -> list[IntArray]:
+    """Split a closed loop into simple ones, at the vertices that it passes more than once.
+
+    >>> [simple.tolist() for simple in simple_loops(np.array([0, 1, 2, 0, 3, 4], dtype=np.int32))]
+    [[0, 1, 2], [0, 3, 4]]
+    """
+    found: list[IntArray] = []
+    path: list[int] = []
+    place: dict[int, int] = {}
+    for vertex in [*loop.tolist(), int(loop[0])]:
+        if vertex in place:
+            begin = place[vertex]
+            found.append(np.array(path[begin:], dtype=np.int32))
+            for passed in path[begin:]:
+                del place[passed]
+            del path[begin:]
+        place[vertex] = len(path)
+        path.append(vertex)
+    return [simple for simple in found if len(simple) > 2]
+
+
 def triangulate_loop(
-    points: FloatArray, ids: IntArray, rim_normals: FloatArray, gaps: FloatArray, existing: IntArray
+    points: FloatArray,
+    ids: IntArray,
+    rim_normals: FloatArray,
+    gaps: FloatArray,
+    existing: IntArray,
+    *,
+    least_area: bool = False,
 ) -> IntArray | None:
-    """Triangulate a closed loop.
+    """Triangulate a closed loop with the least largest dihedral angle, or else with the least area.
 
     `points` (k, 3) run in the direction of the triangles. `rim_normals` (k, 3) are the normals of the adjacent faces at
     the edges that begin there, zero where there is none, and `gaps` (k,) the angles of the hole, in radians. A loop
@@ -173,7 +200,7 @@ def triangulate_loop(
     inner = np.empty((count - 2, 3), dtype=np.int32)
     worst, area = np.zeros((2, count, count))
     _mark_forbidden_chords(ids[rest], joined, forbidden)
-    _search(points[rest], normals, forbidden, worst, area, split)
+    _search(points[rest], normals, forbidden, worst, area, split, least_area)
     if count > 2 and split[0, count - 1] < 0:
         return None
     _collect_triangles(split, np.empty((count, 2), dtype=np.int32), inner)
@@ -260,6 +287,7 @@ def _search(
     worst: FloatArray,
     area: FloatArray,
     split: IntArray,
+    least_area: bool,  # whether angles do not matter
 ) -> None:
     """Dynamic program over chords (i, k), in the order of their span: the best triangulation of the corners i .. k.
 
@@ -279,10 +307,10 @@ def _search(
                 if sharpest > worst[i, k]:
                     continue
                 x, y, z, twice = unit_normal(points, i, m, k)
-                for side in range(2):
+                for side in range(0 if least_area else 2):
                     a, b = (i, m) if side == 0 else (m, k)
                     sharpest = max(sharpest, _sharpness(points, rim_normals, split, a, b, x, y, z))
-                if span == count - 1:
+                if span == count - 1 and not least_area:
                     u, v, w = rim_normals[k, 0], rim_normals[k, 1], rim_normals[k, 2]
                     sharpest = max(sharpest, _round_sharpness(x * u + y * v + z * w, u * u + v * v + w * w))
                 # Ties in sharpness, which is rounded, are broken by area, ties in area by the first corner.

@@ -14,7 +14,7 @@ import numpy as np
 from bezier_filters.arrays import FloatArray
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.holes.influence_region import InfluenceRegion
-from bezier_filters.holes.loops import is_simple, plane_axes, vector_area
+from bezier_filters.holes.loops import is_simple, plane_axes, simple_loops, vector_area
 from bezier_filters.holes.polygon_triangulation import triangulate_polygon
 from bezier_filters.holes.polyharmonic_fairing import polyharmonic_continuation
 from bezier_filters.holes.refinement import Fill, flip_edges, refine
@@ -137,9 +137,8 @@ def _planar_fill(region: InfluenceRegion, origin: FloatArray, axes: FloatArray, 
     """
     flat = (region.rim_vertices - origin) @ axes.T
     flat[:, 2] = 0.0
-    if sum(len(loop) for loop in region.loops) > region.rim_count:
-        return "the rim touches itself"
-    if not all(is_simple(flat[loop, :2]) for loop in region.loops) or not vector_area(flat[region.loops[0]])[2] > 0.0:
+    parts = [part for loop in region.loops for part in simple_loops(loop)]  # of rims that touch themselves
+    if not all(is_simple(flat[part, :2]) for part in parts) or not vector_area(flat[region.loops[0]])[2] > 0.0:
         return "the rim does not project injectively to the plane of its surroundings"
     faces = triangulate_polygon(flat[:, :2], region.loops, region.rim_edges)
     if faces is None:

@@ -14,7 +14,6 @@ import numpy as np
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.holes.implicit_surface import ImplicitSurface, fit_implicit_surface, project_point
 from bezier_filters.holes.influence_region import InfluenceRegion, select_surface_points
-from bezier_filters.holes.loops import triangulate_loop
 from bezier_filters.holes.polyharmonic_fairing import polyharmonic_continuation
 from bezier_filters.holes.refinement import (
     Fill,
@@ -24,7 +23,7 @@ from bezier_filters.holes.refinement import (
     relaxation_workspace,
     sort_pairs,
 )
-from bezier_filters.meshes.half_edges import ends_of_half_edges
+from bezier_filters.holes.rim_triangulation import connect_to_hubs, rim_fill, triangulate_rim
 from bezier_filters.runtime.jit import jit
 
 MIN_ORIENTED_POINTS = 16  # points with known normals that a surface is fitted to
@@ -33,6 +32,7 @@ MAX_FAIRED_VERTICES = 60_000  # vertices of a fill that is faired at its final r
 # distance between rim and surface that is corrected, in edges: a smaller one turns no face by more than this angle
 MIN_RIM_GAP = 1e-4
 RELAXATION_ROUNDS = 3  # of edge flips, relaxation and projection
+NOT_CONTINUED = "the surface around the hole does not continue into it"
 UNTRIANGULATED = "every triangulation of the rim would join vertices that are joined already"
 
 
@@ -57,32 +57,38 @@ def smooth_attempts(region: InfluenceRegion, normals: FloatArray, *, noisy: bool
         yield Attempt("flat", None, UNTRIANGULATED)
         return
     if len(fill.points) > fill.rim_count:
-        yield _surface_attempt(fill, region, normals, noisy=noisy)
+        yield from _surface_attempts(fill, region, normals, noisy=noisy)
         yield Attempt("variational", _fairest_fill(fill, region, 2 if noisy else 3))
         yield Attempt("variational", fill)
     yield from membrane_attempts(region, fill)
 
 
 def membrane_attempts(region: InfluenceRegion, fill: Fill | None = None) -> Iterator[Attempt]:
-    """The harmonic fill, on the triangulation of another fill if there is one, and the triangulation of the rim."""
+    """The harmonic fill, on the triangulation of another fill if there is one, and fills without further vertices.
+
+    Of these, none is better than the others: any may be the only one that intersects nothing.
+    """
     fill = fill or initial_fill(region, order=1)
     if fill is None:
         yield Attempt("flat", None, UNTRIANGULATED)
         return
     if len(fill.points) > fill.rim_count:
         yield Attempt("flat", _fair(fill, region, 1))
-    yield Attempt("flat", _triangulate_rim(region))
+    for bare in (triangulate_rim(region), triangulate_rim(region, least_area=True), connect_to_hubs(region)):
+        if bare is not None:
+            yield Attempt("flat", bare)
 
 
-def _surface_attempt(fill: Fill, region: InfluenceRegion, normals: FloatArray, *, noisy: bool) -> Attempt:
+def _surface_attempts(fill: Fill, region: InfluenceRegion, normals: FloatArray, *, noisy: bool) -> Iterator[Attempt]:
+    """Fills on the surface around the hole; where the rim is noisy, first one that does not follow it."""
     surface = fit_surrounding_surface(region, normals, noisy=noisy)
-    if isinstance(surface, str):
-        return Attempt("surface", None, surface)
-    projected = project_to_surface(fill, region, surface)
-    if projected is None:
-        return Attempt("surface", None, "the surface around the hole does not continue into it")
-    # in noise the rim does not lie on the surface, and a fill that follows it would have its noise
-    return Attempt("surface", projected if noisy else attach_to_rim(projected, region, surface))
+    projected = surface if isinstance(surface, str) else project_to_surface(fill, region, surface)
+    if isinstance(projected, str) or isinstance(surface, str):
+        yield Attempt("surface", None, str(projected))
+        return
+    if noisy:
+        yield Attempt("surface", projected)
+    yield Attempt("surface", attach_to_rim(projected, region, surface))
 
 
 def _fairest_fill(fill: Fill, region: InfluenceRegion, order: int) -> Fill:
@@ -99,7 +105,7 @@ def initial_fill(region: InfluenceRegion, order: int = 2, coarse: float | None =
     there are no tangent planes to continue. Fills of large holes are faired with edges longer by the factor `coarse`
     and then refined.
     """
-    fill = _triangulate_rim(region)
+    fill = rim_fill(region)
     if fill is None:
         return None
     coarse = max(1.0, region.rim_count / MAX_DIRECT_RIM_EDGES) if coarse is None else coarse
@@ -107,54 +113,6 @@ def initial_fill(region: InfluenceRegion, order: int = 2, coarse: float | None =
     fill = _fair(refine(fill, region.rim_edges), region, order)
     fill = refine(replace(fill, sizes=fill.sizes / coarse), region.rim_edges)
     return fill if coarse > 1.0 else _fair(fill, region, order)
-
-
-def _triangulate_rim(region: InfluenceRegion) -> Fill | None:
-    """Triangulate the rim, or connect it to one new vertex if every triangulation would repeat an existing edge."""
-    polygon, normals, gaps = _join_loops(region)
-    points = region.rim_vertices
-    faces = triangulate_loop(points[polygon], polygon, normals, gaps, region.rim_edges)
-    sizes = region.sizes
-    # Where islands touch the rim, two triangles may share a half-edge.
-    if faces is not None and not region.has_simple_rim and not _is_manifold(faces):
-        faces = None
-    if faces is None and len(polygon) > region.rim_count:
-        return None
-    if faces is None:
-        hub = np.full(len(polygon), region.rim_count)
-        faces = np.stack([polygon, np.roll(polygon, -1), hub], axis=1).astype(np.int32)
-        points = np.vstack([points, points[polygon].mean(axis=0)])
-        sizes = np.append(sizes, sizes.mean())
-    return Fill(points, sizes, faces, region.rim_count)
-
-
-def _is_manifold(faces: IntArray) -> bool:
-    """Whether no half-edge occurs twice and no face repeats a vertex."""
-    starts, ends = ends_of_half_edges(faces)
-    edges = starts * (np.int64(faces.max()) + 1) + ends
-    return len(np.unique(edges)) == len(edges) and bool((starts != ends).all())
-
-
-def _join_loops(region: InfluenceRegion) -> tuple[IntArray, FloatArray, FloatArray]:
-    """All loops as one polygon, connected by shortest bridges, with the face normals and gap angles along it."""
-    polygon = region.loops[0]
-    normals = region.rim_face_normals(polygon)
-    for loop in region.loops[1:]:
-        points = region.vertices
-        distances = np.linalg.norm(points[polygon][:, np.newaxis] - points[loop], axis=2)
-        i, j = np.unravel_index(np.argmin(distances), distances.shape)
-        beyond = region.rim_face_normals(loop)
-        zero = np.zeros((1, 3))
-        rotated, rotated_normals = np.roll(loop, -j), np.roll(beyond, -j, axis=0)
-        if polygon[i] == loop[j]:  # the island touches: ..., loop[j], ..., polygon[i], ...
-            polygon = np.concatenate([polygon[:i], rotated, polygon[i:]])
-            normals = np.vstack([normals[:i], rotated_normals, normals[i:]])
-            continue
-        # ... polygon[i], loop[j], ..., loop[j], polygon[i], ...; each corner has the normal of the edge after it.
-        polygon = np.concatenate([polygon[: i + 1], rotated, rotated[:1], polygon[i:]])
-        normals = np.vstack([normals[:i], zero, rotated_normals, zero, normals[i:]])
-    count = np.bincount(polygon, minlength=region.rim_count)
-    return polygon, normals, (region.gaps / np.maximum(count, 1))[polygon]
 
 
 def _fair(fill: Fill, region: InfluenceRegion, order: int) -> Fill:
@@ -177,16 +135,16 @@ def fit_surrounding_surface(
     ids = select_surface_points(region, known, noisy=noisy)
     step = float(region.sizes.mean())
     surface = fit_implicit_surface(region.vertices[ids], normals[ids], step, noisy=noisy, others=others)
-    return "the surface around the hole does not continue into it" if surface is None else surface
+    return NOT_CONTINUED if surface is None else surface
 
 
-def project_to_surface(fill: Fill, region: InfluenceRegion, surface: ImplicitSurface) -> Fill | None:
-    """Project the new vertices of a fill to a surface and relax them tangentially; None if a projection fails."""
+def project_to_surface(fill: Fill, region: InfluenceRegion, surface: ImplicitSurface) -> Fill | str:
+    """Project the new vertices of a fill to a surface and relax them tangentially; the reason if that fails."""
     points, faces = fill.points.copy(), fill.faces.copy()
     is_projected = _project_and_relax(
         surface, points, faces, relaxation_workspace(fill), sort_pairs(region.rim_edges), fill.rim_count
     )
-    return replace(fill, points=points, faces=faces) if is_projected else None
+    return replace(fill, points=points, faces=faces) if is_projected else NOT_CONTINUED
 
 
 @jit()

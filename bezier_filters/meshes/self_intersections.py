@@ -11,6 +11,7 @@ from bezier_filters.runtime.jit import inner_jit, jit, short_jit
 from bezier_filters.runtime.parallel import run_kernel
 
 BOXES_PER_LEAF = 8  # most boxes in a leaf of the bounding volume tree
+VOLUME_ROUNDING = 1e-12  # relative error of sums of products of coordinates
 MAX_FOLDED_COSINE = -0.9999  # cosine of the angle between normals of faces on one edge below which they overlap
 
 
@@ -205,7 +206,11 @@ def is_cut(vertices: FloatArray, faces: IntArray, names: IntArray, f: int, g: in
         return True
     if shared == 2:
         return _lie_on_each_other(vertices, faces, names, f, g)
-    return _edge_pierces(vertices, faces, names, f, g) or _edge_pierces(vertices, faces, names, g, f)
+    return (
+        _edge_pierces(vertices, faces, names, f, g)
+        or _edge_pierces(vertices, faces, names, g, f)
+        or _overlap_in_plane(vertices, faces, f, g)
+    )
 
 
 @inner_jit()
@@ -232,13 +237,50 @@ def _lie_on_each_other(vertices: FloatArray, faces: IntArray, names: IntArray, f
 
 
 @inner_jit()
+def _overlap_in_plane(vertices: FloatArray, faces: IntArray, f: int, g: int) -> bool:
+    """Whether two faces lie in one plane and have a common part with an area: no side of either separates them."""
+    p, q, r = faces[g, 0], faces[g, 1], faces[g, 2]
+    for k in range(3):
+        if _volume(vertices, p, q, r, faces[f, k]) != 0.0:
+            return False
+    x, y, z = area_vector(vertices, p, q, r)
+    axis = 0 if abs(x) >= max(abs(y), abs(z)) else 1 if abs(y) >= abs(z) else 2
+    if x == 0.0 and y == 0.0 and z == 0.0:
+        return False
+    for side in range(2):
+        own, other = (f, g) if side == 0 else (g, f)
+        turn = _area_along(vertices, axis, faces[own, 0], faces[own, 1], faces[own, 2])
+        if turn == 0.0:
+            return False
+        for k in range(3):
+            a, b, separates = faces[own, k], faces[own, (k + 1) % 3], True
+            for j in range(3):
+                separates &= turn * _area_along(vertices, axis, a, b, faces[other, j]) <= 0.0
+            if separates:
+                return False
+    return True
+
+
+@inner_jit()
+def _area_along(vertices: FloatArray, axis: int, a: int, b: int, c: int) -> float:
+    """Twice the signed area of a triangle seen along an axis; 0 within rounding error."""
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    first = (vertices[b, i] - vertices[a, i]) * (vertices[c, j] - vertices[a, j])
+    second = (vertices[b, j] - vertices[a, j]) * (vertices[c, i] - vertices[a, i])
+    area = first - second
+    return float(area if abs(area) > VOLUME_ROUNDING * (abs(first) + abs(second)) else 0.0)
+
+
+@inner_jit()
 def _pierces(vertices: FloatArray, a: int, b: int, p: int, q: int, r: int) -> bool:
-    """Whether the segment from a to b passes through the triangle (p, q, r)."""
+    """Whether the segment from a to b passes through the triangle (p, q, r) or one of its sides, not its corners."""
     at_a, at_b = _volume(vertices, p, q, r, a), _volume(vertices, p, q, r, b)
     if not ((at_a > 0.0 and at_b < 0.0) or (at_a < 0.0 and at_b > 0.0)):
         return False
     first, second, third = _volume(vertices, a, b, p, q), _volume(vertices, a, b, q, r), _volume(vertices, a, b, r, p)
-    return (first > 0.0 and second > 0.0 and third > 0.0) or (first < 0.0 and second < 0.0 and third < 0.0)
+    least, most = min(first, second, third), max(first, second, third)
+    on_sides = (first == 0.0) + (second == 0.0) + (third == 0.0)
+    return bool(on_sides < 2 and (least >= 0.0 or most <= 0.0))
 
 
 @inner_jit()
@@ -248,4 +290,4 @@ def _volume(vertices: FloatArray, a: int, b: int, c: int, d: int) -> float:
     dx, dy, dz = vertices[d, 0] - vertices[a, 0], vertices[d, 1] - vertices[a, 1], vertices[d, 2] - vertices[a, 2]
     volume = x * dx + y * dy + z * dz
     scale = abs(x * dx) + abs(y * dy) + abs(z * dz)
-    return volume if abs(volume) > 1e-12 * scale else 0.0
+    return volume if abs(volume) > VOLUME_ROUNDING * scale else 0.0

@@ -63,3 +63,25 @@ def test_faces_in_boxes_are_those_whose_boxes_meet(count, size):
         meets = ((corners.min(axis=1) <= high[k]) & (corners.max(axis=1) >= low[k])).all(axis=1)
         np.testing.assert_array_equal(rows.row(k), np.flatnonzero(meets))
     assert len(rows) == count
+
+
+def test_an_edge_through_a_common_side_cuts_both_faces():
+    """As seen on a range scan: neither face alone has the crossing in its interior."""
+    points = np.array([[-1.0, 0, 0], [0, -1, 0], [1, 0, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1], [0, 3, 0]])
+    faces = np.array([[4, 5, 6], [0, 1, 2], [0, 2, 3]], dtype=np.int32)
+    assert cut_faces(points, faces, 2).all()
+
+
+@pytest.mark.parametrize("shift", [0.25, 0.5, 0.9375, 1.0, 1.5])
+@pytest.mark.parametrize("axes", [[0, 1, 2], [1, 2, 0], [2, 1, 0]])
+def test_faces_in_one_plane_overlap_if_they_have_a_common_part(shift, axes):
+    """A right triangle, and the same shifted along its side, in each plane of coordinates."""
+    triangle = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
+    points = np.vstack([triangle, triangle + np.array([shift, 0.0, 0.0])])[:, axes]
+    assert cut_faces(points, np.arange(6, dtype=np.int32).reshape(2, 3), 1)[0] == (shift < 1.0)
+
+
+def test_faces_in_one_plane_that_share_a_corner_may_overlap():
+    points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [2, 0.2, 0], [0.2, 2, 0], [-1, 0.2, 0], [-1, -1, 0]])
+    assert cut_faces(points, np.array([[0, 1, 2], [0, 3, 4]], dtype=np.int32), 1).all()
+    assert not cut_faces(points, np.array([[0, 1, 2], [0, 5, 6]], dtype=np.int32), 1).any()
