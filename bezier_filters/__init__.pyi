@@ -17,9 +17,9 @@ from .files.filter_scripts import read_filter_script as read_filter_script
 from .files.filter_scripts import save_filter_script as save_filter_script
 from .fitting.vertex_geometry import VertexGeometry as VertexGeometry
 from .fitting.vertex_patch import vertex_patch as vertex_patch
-from .holes.fill_methods import HoleReport as HoleReport
 from .holes.hole_filling import HoleFillingResult as HoleFillingResult
 from .holes.hole_filling import fill_holes as fill_holes
+from .holes.hole_report import HoleReport as HoleReport
 from .meshes.adjacency import Adjacency as Adjacency
 from .meshes.adjacency import Rows as Rows
 from .meshes.adjacency import vertex_adjacency as vertex_adjacency

@@ -15,11 +15,10 @@ from numpy.typing import ArrayLike
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.display import html_table
 from bezier_filters.errors import InvalidParameterError
+from bezier_filters.holes.fill_choice import FaceSet
 from bezier_filters.holes.fill_methods import (
     FILL_METHODS,
-    FaceSet,
     FillingMethod,
-    HoleReport,
     MeshTask,
     box_groups,
     fill_group,
@@ -27,6 +26,7 @@ from bezier_filters.holes.fill_methods import (
     overlapping_boxes,
 )
 from bezier_filters.holes.hole_detection import HoleChoice, find_holes
+from bezier_filters.holes.hole_report import HoleReport
 from bezier_filters.holes.influence_region import hole_surroundings, influence_regions
 from bezier_filters.holes.planar_fill import Correction
 from bezier_filters.meshes.mesh import check_selection, takes_arrays, triangle_mesh

@@ -9,8 +9,9 @@ import numpy as np
 from bezier_filters.arrays import Report
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
 from bezier_filters.holes.adjacent_rows import adjacent_faces, nearest_rim_vertices
-from bezier_filters.holes.fill_methods import FillingMethod, HoleReport
+from bezier_filters.holes.fill_methods import FillingMethod
 from bezier_filters.holes.hole_filling import HoleFillingResult, fill_holes
+from bezier_filters.holes.hole_report import HoleReport
 from bezier_filters.holes.planar_fill import Correction
 from bezier_filters.meshlab.mesh_growth import MeshGrowth, grow_mesh
 from bezier_filters.meshlab.meshset import (

@@ -4,9 +4,9 @@ import numpy as np
 from surface_cases import border_edges, directed_edges
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
-from bezier_filters.holes.fill_methods import HoleReport
 from bezier_filters.holes.hole_detection import find_holes
 from bezier_filters.holes.hole_filling import HoleFillingResult
+from bezier_filters.holes.hole_report import HoleReport
 from bezier_filters.holes.influence_region import InfluenceRegion, influence_regions
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.meshes.prepared_mesh import prepare_mesh

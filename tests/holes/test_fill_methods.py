@@ -11,17 +11,15 @@ from scipy.sparse.csgraph import connected_components
 
 from bezier_filters.cli.console import FILLS
 from bezier_filters.holes import fill_methods
-from bezier_filters.holes.fill_methods import (
-    FILL_METHODS,
+from bezier_filters.holes.fill_choice import (
     MAX_INTERSECTING_FACES,
     FaceSet,
-    FillingMethod,
-    HoleReport,
     _flatten_intersections,
     _intersecting_faces,
-    box_groups,
 )
+from bezier_filters.holes.fill_methods import FILL_METHODS, FillingMethod, box_groups
 from bezier_filters.holes.hole_filling import fill_holes
+from bezier_filters.holes.hole_report import HoleReport
 from bezier_filters.holes.smooth_fill import Attempt, initial_fill
 from bezier_filters.surfaces import block_with_sharp_edges, sphere, torus
 
