@@ -20,6 +20,7 @@ from bezier_filters.holes.hole import Hole
 from bezier_filters.holes.hole_report import HoleReport
 from bezier_filters.holes.influence_region import HoleSurroundings, InfluenceRegion, vertex_pairs
 from bezier_filters.holes.planar_fill import Correction, flat_fill, paper_fill
+from bezier_filters.holes.rim_noise import normals_beyond_noisy_rim
 from bezier_filters.holes.rim_planes import rim_plane
 from bezier_filters.holes.smooth_fill import Attempt, membrane_attempts, smooth_attempts
 from bezier_filters.meshes.adjacency import Rows
@@ -71,7 +72,22 @@ class HoleTask:
     @property
     def continues_creases(self) -> bool:
         """Whether sharp edges at the rim are looked for: not if noise makes them."""
-        return self.mesh.creases and not self.mesh.surroundings.is_smooth
+        return self.mesh.creases and not (self.mesh.surroundings.is_smooth or self.rim_is_noisy)
+
+    @cached_property
+    def _reliable_normals(self) -> FloatArray | None:
+        return normals_beyond_noisy_rim(self.region, self.normals, self.mesh.surroundings.noise)
+
+    @property
+    def rim_is_noisy(self) -> bool:
+        """Whether the rim has noise that its surroundings do not have."""
+        return self._reliable_normals is not None
+
+    def smooth_attempts(self) -> Iterator[Attempt]:
+        """Fills of a smooth surface, which follow the rim if neither it nor the mesh is noisy."""
+        normals = self.normals if self._reliable_normals is None else self._reliable_normals
+        follows_rim = not (self.noisy or self.rim_is_noisy)
+        return smooth_attempts(self.region, normals, noisy=self.noisy, follows_rim=follows_rim)
 
 
 def _auto_attempts(task: HoleTask) -> Iterator[Attempt]:
@@ -96,7 +112,7 @@ def _surface_attempts(task: HoleTask) -> Iterator[Attempt]:
     """Fills that continue creases, if creases run into the hole; then smooth fills, each simpler than the last."""
     if task.continues_creases:
         yield from crease_attempts(task.region, noisy=task.noisy)
-    yield from smooth_attempts(task.region, task.normals, noisy=task.noisy)
+    yield from task.smooth_attempts()
 
 
 def _paper_attempts(task: HoleTask) -> Iterator[Attempt]:
@@ -108,7 +124,7 @@ def _paper_attempts(task: HoleTask) -> Iterator[Attempt]:
             yield replace(attempt, kind="paper")
     fill = fill_sub_hole(task.region)
     yield Attempt("paper", None, fill) if isinstance(fill, str) else Attempt("paper", fill)
-    yield from smooth_attempts(task.region, task.normals, noisy=task.noisy)
+    yield from task.smooth_attempts()
 
 
 # generators of attempts, the best first; the first fill without intersections is used

@@ -47,18 +47,22 @@ class Attempt:
     creases: IntArray | None = None  # (e, 2): edges of the fill that are creases
 
 
-def smooth_attempts(region: InfluenceRegion, normals: FloatArray, *, noisy: bool) -> Iterator[Attempt]:
+def smooth_attempts(
+    region: InfluenceRegion, normals: FloatArray, *, noisy: bool, follows_rim: bool | None = None
+) -> Iterator[Attempt]:
     """Fill a hole in a smooth surface; each attempt is simpler than the one before.
 
-    `normals` (b, 3) are zero where they are unknown. Noisy points are smoothed, not interpolated.
+    `normals` (b, 3) are zero where they are unknown. Noisy points are smoothed, not interpolated. A fill that does not
+    follow the rim, as by default on noisy meshes, ends at it but is not displaced to it.
     """
     fill = initial_fill(region)
     if fill is None:
         yield Attempt("flat", None, UNTRIANGULATED)
         return
     if len(fill.points) > fill.rim_count:
-        yield from _surface_attempts(fill, region, normals, noisy=noisy)
-        yield Attempt("variational", _fairest_fill(fill, region, 2 if noisy else 3))
+        follows_rim = not noisy if follows_rim is None else follows_rim
+        yield from _surface_attempts(fill, region, normals, noisy=noisy, follows_rim=follows_rim)
+        yield Attempt("variational", _fairest_fill(fill, region, 3 if follows_rim else 2))
         yield Attempt("variational", fill)
     yield from membrane_attempts(region, fill)
 
@@ -79,14 +83,16 @@ def membrane_attempts(region: InfluenceRegion, fill: Fill | None = None) -> Iter
             yield Attempt("flat", bare)
 
 
-def _surface_attempts(fill: Fill, region: InfluenceRegion, normals: FloatArray, *, noisy: bool) -> Iterator[Attempt]:
-    """Fills on the surface around the hole; where the rim is noisy, first one that does not follow it."""
+def _surface_attempts(
+    fill: Fill, region: InfluenceRegion, normals: FloatArray, *, noisy: bool, follows_rim: bool
+) -> Iterator[Attempt]:
+    """Fills on the surface around the hole: first one that does not follow a noisy rim, then one that does."""
     surface = fit_surrounding_surface(region, normals, noisy=noisy)
     projected = surface if isinstance(surface, str) else project_to_surface(fill, region, surface)
     if isinstance(projected, str) or isinstance(surface, str):
         yield Attempt("surface", None, str(projected))
         return
-    if noisy:
+    if not follows_rim:
         yield Attempt("surface", projected)
     yield Attempt("surface", attach_to_rim(projected, region, surface))
 
