@@ -18,8 +18,8 @@ from bezier_filters.meshes.half_edges import dihedral_angles, half_edge_lists, n
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.self_intersections import cut_faces
 
-# Area of a fill over the least one with the same rim. A hemisphere over its circle has 2, the corner of a cube 1.7.
-# Halved, half of a sphere is refused; doubled, 8 instead of 20 of 54 fins in range scans pass.
+# Area of a fill over the least one with the same rim. A hemisphere over its circle has 2, the corner of a cube 1.7, and
+# fins over slits of range scans up to 22. Of 385 fills of real holes 11 have more than 2, one more than 3, none more.
 MAX_AREA_RATIO = 4.0
 INTERSECTING = "every fill would cut other faces, intersecting=True takes the one that cuts least"
 SIZE_LIMITED = "its triangles stay larger than those around it, as there would be too many"

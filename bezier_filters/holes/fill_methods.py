@@ -67,7 +67,8 @@ class HoleTask:
     def is_flat_end(self) -> bool:
         """Whether the surface ends at the rim, and the rim lies in a plane, apart from noise and rounding."""
         plane = rim_plane([self.region.vertices[loop] for loop in self.region.loops]) if self.is_end else None
-        return plane is not None and plane.is_flat(self.mesh.surroundings.noise)
+        is_face = len(self.region.loops) > 1  # rims were joined because they bound one
+        return plane is not None and (plane.is_flat(self.mesh.surroundings.noise) or (is_face and plane.is_nearly_flat))
 
     @property
     def continues_creases(self) -> bool:

@@ -33,6 +33,7 @@ from bezier_filters.meshes.triangles import area_vectors
 # Area of a lid, over that of the component that it would close, from which a rim is the border of a surface and no hole
 # in it: that of a cap of 70 degrees, cut from a sphere. Range scans have .34 to .7, statues without their bases .2.
 MIN_LID_SHARE = 1.0 / 3.0
+MIN_FLAT_COSINE = 0.999  # mean cosine of the angle between faces and the plane of a rim in a flat part: 2.5 degrees
 WELD_HINT = "it has no width; weld them first (repair=True of the filter, or meshing_merge_close_vertices)"
 ORIENT_HINT = "repair them first (repair=True of the filter, or pymeshlab's meshing_repair filters)"
 
@@ -116,7 +117,10 @@ def _find_circles(mesh: PreparedMesh, holes: list[Hole]) -> list[Hole]:
     sheets = [hole.rim[0] for hole in holes if hole.is_outer_rim]
     if not sheets:
         return holes
-    is_circle = [not hole.is_end and len(hole.loops) == 1 and is_flat_circle(mesh.vertices[hole.rim]) for hole in holes]
+    is_circle = [
+        hole.cosine > MIN_FLAT_COSINE and len(hole.loops) == 1 and is_flat_circle(mesh.vertices[hole.rim])
+        for hole in holes
+    ]
     if not any(is_circle):
         return holes
     component = components(mesh.adjacency)

@@ -1,7 +1,8 @@
 """Noise of a rim that the surface around it does not have, as at the ragged border of a scan, and spikes.
 
 The surface through the vertices from the second ring on predicts the rim. Errors of the prediction vary slowly along
-the rim; noise does not.
+the rim; noise does not. Where the surface bends much, errors at a zigzag rim look like noise, but such a rim still
+helps to predict the ring beyond it.
 """
 
 import numpy as np
@@ -40,7 +41,18 @@ def normals_beyond_noisy_rim(region: InfluenceRegion, normals: FloatArray, noise
     least = 3.0 * (noise or 0.0) + MIN_RIM_NOISE * float(region.sizes.mean())
     variance, differences = distances.var(), np.square(distances - np.roll(distances, 1)).mean()
     is_noise = np.sqrt(variance) > least and differences > 2.0 * MIN_DIFFERENCE_RATIO * variance
-    return reliable if is_noise else None
+    return reliable if is_noise and _is_misleading(region, normals, surface, noise) else None
+
+
+def _is_misleading(region: InfluenceRegion, normals: FloatArray, surface: ImplicitSurface, noise: float | None) -> bool:
+    """Whether a surface through the rim is farther from the first ring than one without it, both without that ring."""
+    others = np.where((region.rings != 1)[:, np.newaxis], normals, 0.0)
+    through_rim = fit_surrounding_surface(region, others, noisy=region.is_noisy(noise))
+    if isinstance(through_rim, str):
+        return True
+    ring = region.vertices[region.rings == 1]
+    errors = [np.square(_distances(each, ring)).mean() for each in (surface, through_rim)]
+    return bool(errors[0] < errors[1])
 
 
 def _is_rough(region: InfluenceRegion) -> bool:

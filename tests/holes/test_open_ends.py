@@ -141,3 +141,9 @@ def test_circles_in_flat_sheets_stay_open():
 def test_circles_in_closed_parts_are_filled():
     vertices, faces = plate(bottom=True, bolt_walls=False)
     assert fill_holes(vertices, faces).filled == 2 * len(BOLTS)
+
+
+def test_circles_in_curved_sheets_are_filled():
+    radii = np.linspace(0.2, 1.0, 17)
+    vertices, faces = revolved(radii, 0.6 * radii**2, 32)
+    assert fill_holes(vertices, faces).filled == 1

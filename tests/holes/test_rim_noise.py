@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hole_cases import filled_hole, hole_around, without_faces_near
+from hole_cases import filled_hole, hole_around, sheet, without_faces_near
 from surface_cases import border_edges
 
 from bezier_filters import fill_holes
@@ -67,3 +67,15 @@ def test_shape_at_a_rim_is_no_noise(resolution):
         kept = without_faces_near(points, faces, np.array(place), 0.25)
         region = hole_around(points, kept, rings=5)
         assert normals_beyond_noisy_rim(region, normals[region.ids], None) is None
+
+
+@pytest.mark.parametrize("radius", [4.0, 5.0, 6.0])
+def test_a_zigzag_rim_on_a_bump_is_no_noise(radius):
+    """Its vertices lie alternately deeper and higher, and the prediction misses them alternately."""
+    vertices, faces = sheet(40, 40)
+    vertices -= [20.0, 20.0, 0.0]
+    vertices[:, 2] = 6.0 * np.exp(-np.square(vertices[:, :2]).sum(axis=1) / 30.0)
+    kept = faces[np.linalg.norm(vertices[faces].mean(axis=1)[:, :2], axis=1) > radius]
+    new = fill_holes(vertices, kept).vertices[len(vertices) :]
+    heights = 6.0 * np.exp(-np.square(new[:, :2]).sum(axis=1) / 30.0)
+    assert np.sqrt(np.square(new[:, 2] - heights).mean()) < 0.2
