@@ -145,7 +145,7 @@ KINDS: dict[str, tuple[Callable[[int], Mesh], int]] = {
 """Meshes of a size, and the first size."""
 
 FILTERS: dict[str, Callable[[np.ndarray, np.ndarray], object]] = {
-    "fill_holes": lambda v, f: bf.fill_holes(v, f, threads=1),
+    "fill_holes": lambda v, f: bf.fill_holes(v, f, bolt_holes=True, threads=1),
     "estimate": lambda v, f: bf.estimate_vertex_geometry(v, f, threads=1),
     "smooth": lambda v, f: bf.smooth(v, f, threads=1),
     "creases": lambda v, f: bf.find_creases(v, f, threads=1),

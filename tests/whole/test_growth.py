@@ -46,13 +46,13 @@ def test_time_on_a_fan_grows_about_like_its_faces(filter_):
 
 
 def test_new_faces_grow_about_like_the_rim():
-    counts = [sum(len(hole.new_faces) for hole in bf.fill_holes(*ring(n)).holes) for n in (250, 2_000)]
+    counts = [sum(len(hole.new_faces) for hole in bf.fill_holes(*ring(n), bolt_holes=True).holes) for n in (250, 2_000)]
     assert 6 * counts[0] < counts[1] < MOST * counts[0]
 
 
 def test_small_holes_are_filled_as_finely_as_their_surroundings():
     """Nothing of a round hole of 200 edges is deep: the area of its triangles is that of those around."""
-    result = bf.fill_holes(*ring(200))
+    result = bf.fill_holes(*ring(200), bolt_holes=True)
     a, b, c = result.vertices[result.faces[result.holes[0].new_faces.start :]].transpose(1, 0, 2)
     areas = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
     assert 0.3 < np.median(areas) < 0.6  # an equilateral triangle has 0.43
@@ -60,7 +60,7 @@ def test_small_holes_are_filled_as_finely_as_their_surroundings():
 
 def test_triangles_grow_away_from_the_rim():
     count = 1_000
-    result = bf.fill_holes(*ring(count))
+    result = bf.fill_holes(*ring(count), bolt_holes=True)
     a, b, c = result.vertices[result.faces[result.holes[0].new_faces.start :]].transpose(1, 0, 2)
     depth = count / (2 * np.pi) - np.linalg.norm((a + b + c)[:, :2] / 3.0, axis=1)
     edges = np.linalg.norm(b - a, axis=1)
