@@ -66,9 +66,12 @@ class HoleTask:
     @cached_property
     def is_flat_end(self) -> bool:
         """Whether the surface ends at the rim, and the rim lies in a plane, apart from noise and rounding."""
-        plane = rim_plane([self.region.vertices[loop] for loop in self.region.loops]) if self.is_end else None
-        is_face = len(self.region.loops) > 1  # rims were joined because they bound one
-        return plane is not None and (plane.is_flat(self.mesh.surroundings.noise) or (is_face and plane.is_nearly_flat))
+        loops = [self.region.vertices[loop] for loop in self.region.loops]
+        plane = rim_plane(loops) if self.is_end else None
+        if plane is None:
+            return False
+        # The rims of one face may end at slightly different heights.
+        return plane.is_flat(self.mesh.surroundings.noise) or (len(loops) > 1 and plane.is_nearly_flat)
 
     @property
     def continues_creases(self) -> bool:

@@ -1,8 +1,7 @@
 """Hole detection: border loops, their classification as holes or outer rims, islands, and the choice of holes.
 
-The total geodesic curvature of a border, seen from its surface, distinguishes holes from outer rims: by Gauss-Bonnet it
-is -2 pi around a hole in a plane, 0 at the end of a tube and 2 pi around a flat sheet. Noise of the border increases
-it, so an outer rim must be one by the surface around it, too (`rim_turning`).
+The measures that distinguish holes from outer rims are explained in `hole`. Noise of the border increases its total
+geodesic curvature, so an outer rim must be one by the surface around it, too (`rim_turning`).
 """
 
 from collections.abc import Sequence
@@ -94,20 +93,22 @@ def _find_borders(mesh: PreparedMesh, holes: list[Hole]) -> list[Hole]:
     0 for a tube with two ends. Flat ends are holes however large, as somebody has made them.
     """
     uncertain = [k for k, hole in enumerate(holes) if hole.cosine < 0.0 and not (hole.is_outer_rim or hole.obstacle)]
-    uncertain = [k for k in uncertain if not _is_flat_end(mesh, holes[k])]
+    uncertain = [k for k in uncertain if not _is_nearly_flat_end(mesh, holes[k])]
     if not uncertain:
         return holes
     component = components(mesh.adjacency)
     areas, owner = area_vectors(mesh.vertices, mesh.faces), component[mesh.faces[:, 0]]
+    sums = np.stack([np.bincount(owner, weights=column) for column in areas.T], axis=1)
+    totals = np.bincount(owner, weights=np.linalg.norm(areas, axis=1))
     for k in uncertain:
-        own = areas[owner == component[holes[k].rim[0]]]
-        lid = vector_area(mesh.vertices[holes[k].rim])
-        share = -(own.sum(axis=0) @ lid) / (np.linalg.norm(lid) * np.linalg.norm(own, axis=1).sum())
+        own, lid = component[holes[k].rim[0]], vector_area(mesh.vertices[holes[k].rim])
+        share = -(sums[own] @ lid) / (np.linalg.norm(lid) * totals[own])
         holes[k] = replace(holes[k], is_border=bool(share > MIN_LID_SHARE))
     return holes
 
 
-def _is_flat_end(mesh: PreparedMesh, hole: Hole) -> bool:
+def _is_nearly_flat_end(mesh: PreparedMesh, hole: Hole) -> bool:
+    """Whether a rim may lie in a plane, apart from noise, and the surface arrives there like a tube."""
     plane = rim_plane([mesh.vertices[hole.rim]])
     return plane is not None and plane.is_nearly_flat and abs(hole.cosine) < MAX_END_COSINE
 

@@ -33,11 +33,7 @@ def assign_islands(mesh: TriangleMesh, holes: list[Hole]) -> list[Hole]:
         for sheet in near.row(place).tolist():
             if sheet not in smallest and _is_island_of(mesh, holes[sheets[sheet]], hole):
                 smallest[sheet] = around[place]
-    islands: dict[int, list[Hole]] = {}
-    for sheet in sorted(smallest):
-        islands.setdefault(smallest[sheet], []).append(holes[sheets[sheet]])
-    assigned = {sheets[sheet] for sheet in smallest}
-    return [_add_islands(hole, islands.get(k, [])) for k, hole in enumerate(holes) if k not in assigned]
+    return _join_islands(holes, {sheets[sheet]: hole for sheet, hole in smallest.items()})
 
 
 def join_rims_of_faces(mesh: TriangleMesh, holes: list[Hole]) -> list[Hole]:
@@ -62,10 +58,7 @@ def join_rims_of_faces(mesh: TriangleMesh, holes: list[Hole]) -> list[Hole]:
                 mesh.vertices[holes[inner].rim], flat[inner], mesh.vertices[holes[outer].rim], flat[outer]
             ):
                 smallest[inner] = outer
-    islands: dict[int, list[Hole]] = {}
-    for inner in sorted(smallest):
-        islands.setdefault(smallest[inner], []).append(holes[inner])
-    return [_add_islands(hole, islands.get(k, [])) for k, hole in enumerate(holes) if k not in smallest]
+    return _join_islands(holes, smallest)
 
 
 def _bound_one_face(inner: FloatArray, island: RimPlane, outer: FloatArray, plane: RimPlane) -> bool:
@@ -83,6 +76,14 @@ def _rims_in_boxes(mesh: TriangleMesh, holes: list[Hole], boxes: FloatArray) -> 
     firsts = np.array([mesh.vertices[hole.rim[0]] for hole in holes])
     points = np.arange(len(holes), dtype=np.int32)[:, np.newaxis].repeat(3, axis=1)  # degenerate faces
     return faces_in_boxes(firsts, points, boxes[:, 0], boxes[:, 1])
+
+
+def _join_islands(holes: list[Hole], around: dict[int, int]) -> list[Hole]:
+    """Join islands to the holes around them, given the number of that of each."""
+    islands: dict[int, list[Hole]] = {}
+    for island in sorted(around):
+        islands.setdefault(around[island], []).append(holes[island])
+    return [_add_islands(hole, islands.get(k, [])) for k, hole in enumerate(holes) if k not in around]
 
 
 def _add_islands(hole: Hole, islands: list[Hole]) -> Hole:

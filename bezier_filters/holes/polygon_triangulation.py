@@ -32,23 +32,30 @@ def triangulate_polygon(points: FloatArray, loops: Sequence[IntArray], existing:
     """
     edges = np.concatenate([np.column_stack([loop, np.roll(loop, -1)]) for loop in loops]).astype(np.int32)
     polygon = np.asarray(loops[0], dtype=np.int32)
-    islands = list(loops[1:])
+    islands = {k: np.asarray(loop, dtype=np.int32) for k, loop in enumerate(loops[1:])}
+    distances = {k: _distance_square(points[polygon], points[island]) for k, island in islands.items()}
     while islands:
-        nearest = min(
-            range(len(islands)),
-            key=lambda k: np.square(points[polygon][:, np.newaxis] - points[islands[k]]).sum(axis=2).min(),
-        )
-        joined = _join_island(points, edges, polygon, np.asarray(islands.pop(nearest), dtype=np.int32))
+        nearest = min(distances, key=lambda k: distances[k])
+        island = islands.pop(nearest)
+        joined = _join_island(points, edges, polygon, island)
         if joined is None:
             return None
         edges = np.concatenate([edges, joined[1][np.newaxis]])
         polygon = joined[0]
+        del distances[nearest]
+        for k, other in islands.items():
+            distances[k] = min(distances[k], _distance_square(points[island], points[other]))
     faces = np.empty((len(polygon) - 2, 3), dtype=np.int32)
     scale = float(np.abs(points - points.mean(axis=0)).max(initial=0.0))
     work = np.empty((3, len(polygon)), dtype=np.int32)
     existing = sort_pairs(existing.astype(np.int32))
     is_done = _clip_ears(points, polygon, existing, AREA_ROUNDING * scale * scale, work, np.empty(len(polygon)), faces)
     return faces if is_done else None
+
+
+def _distance_square(first: FloatArray, second: FloatArray) -> float:
+    """Square of the least distance between two sets of points (n, 2)."""
+    return float(np.square(first[:, np.newaxis] - second).sum(axis=2).min())
 
 
 def _join_island(

@@ -45,8 +45,8 @@ def connect_to_hubs(region: InfluenceRegion) -> Fill | None:
 
 
 def face_area(points: FloatArray, faces: IntArray) -> float:
-    """Area of faces."""
-    return float(np.linalg.norm(area_vectors(points, faces), axis=1).sum())
+    """Sum of the areas of faces."""
+    return 0.5 * float(np.linalg.norm(area_vectors(points, faces), axis=1).sum())
 
 
 def _is_manifold(faces: IntArray) -> bool:

@@ -11,7 +11,7 @@ from bezier_filters.runtime.jit import inner_jit, jit, short_jit
 from bezier_filters.runtime.parallel import run_kernel
 
 BOXES_PER_LEAF = 8  # most boxes in a leaf of the bounding volume tree
-VOLUME_ROUNDING = 1e-12  # relative error of sums of products of coordinates
+PRODUCT_ROUNDING = 1e-12  # relative error of areas and volumes, which are sums of products of lengths
 MAX_FOLDED_COSINE = -0.9999  # cosine of the angle between normals of faces on one edge below which they overlap
 
 
@@ -268,7 +268,7 @@ def _area_along(vertices: FloatArray, axis: int, a: int, b: int, c: int) -> floa
     first = (vertices[b, i] - vertices[a, i]) * (vertices[c, j] - vertices[a, j])
     second = (vertices[b, j] - vertices[a, j]) * (vertices[c, i] - vertices[a, i])
     area = first - second
-    return float(area if abs(area) > VOLUME_ROUNDING * (abs(first) + abs(second)) else 0.0)
+    return float(area if abs(area) > PRODUCT_ROUNDING * (abs(first) + abs(second)) else 0.0)
 
 
 @inner_jit()
@@ -290,4 +290,4 @@ def _volume(vertices: FloatArray, a: int, b: int, c: int, d: int) -> float:
     dx, dy, dz = vertices[d, 0] - vertices[a, 0], vertices[d, 1] - vertices[a, 1], vertices[d, 2] - vertices[a, 2]
     volume = x * dx + y * dy + z * dz
     scale = abs(x * dx) + abs(y * dy) + abs(z * dz)
-    return volume if abs(volume) > VOLUME_ROUNDING * scale else 0.0
+    return volume if abs(volume) > PRODUCT_ROUNDING * scale else 0.0

@@ -89,7 +89,7 @@ def test_the_report_says_that_a_fill_was_limited():
     turned = 2 * np.pi * (angle / (2 * np.pi)) ** 8
     radius = np.linalg.norm(vertices[:, :2], axis=1)
     vertices = np.column_stack([radius * np.cos(turned), radius * np.sin(turned), vertices[:, 2]])
-    hole = next(hole for hole in bf.fill_holes(vertices, faces).holes if hole.filled)
+    hole = next(hole for hole in bf.fill_holes(vertices, faces, bolt_holes=True).holes if hole.filled)
     assert ("triangles stay larger" in hole.reason) == (len(hole.new_faces) > face_limit(60))
 
 
