@@ -20,6 +20,9 @@ from .fitting.vertex_patch import vertex_patch as vertex_patch
 from .holes.fill_methods import HoleReport as HoleReport
 from .holes.hole_filling import HoleFillingResult as HoleFillingResult
 from .holes.hole_filling import fill_holes as fill_holes
+from .holes.selection_replacement import ReplacedPatch as ReplacedPatch
+from .holes.selection_replacement import ReplacementResult as ReplacementResult
+from .holes.selection_replacement import replace_selection as replace_selection
 from .meshes.adjacency import Adjacency as Adjacency
 from .meshes.adjacency import Rows as Rows
 from .meshes.adjacency import vertex_adjacency as vertex_adjacency
@@ -44,6 +47,9 @@ from .meshlab.mesh_files import save_mesh as save_mesh
 from .meshlab.meshset import BezierFilterError as BezierFilterError
 from .meshlab.registration import register as register
 from .meshlab.registration import unregister as unregister
+from .meshlab.replacement_filter import (
+    meshing_replace_selection_by_bezier_patch as meshing_replace_selection_by_bezier_patch,
+)
 from .meshlab.scripts import StepReport as StepReport
 from .meshlab.scripts import run_filter_script as run_filter_script
 from .meshlab.scripts import script_step as script_step

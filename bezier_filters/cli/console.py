@@ -206,6 +206,28 @@ def print_holes(report: Report, source: str) -> None:
         out().print(f"  {others:,} of them by another method than the paper's, which does not work there")
 
 
+def print_replacements(report: Report, source: str) -> None:
+    """Print what was removed of the parts of a selection."""
+    from rich.padding import Padding
+
+    out().print(f"[bold]{escape(source)}[/]")
+    out().print("    faces  volume removed  height removed  fill         new faces", markup=False)
+    for patch in sorted(report["patches"], key=lambda patch: -patch["old_faces"])[:MAX_LISTED_HOLES]:
+        hole = patch["hole"]
+        measures = f"{patch['removed_volume']:>14.4g}  {patch['removed_height']:>14.4g}" if patch["replaced"] else ""
+        fill = f"{hole['method'] or 'left as is':<11}  {hole['new_faces']:>9,}"
+        out().print(f"{patch['old_faces']:>9,}  {measures:<30}  {fill}", markup=False)
+        if hole["reason"]:
+            remark = "tried before: " * patch["replaced"] + shell_remark(hole["reason"])
+            out().print(Padding(escape(remark), (0, 2, 0, 11), expand=False), soft_wrap=False)
+    if len(report["patches"]) > MAX_LISTED_HOLES:
+        out().print(f"  and {len(report['patches']) - MAX_LISTED_HOLES:,} smaller ones")
+    out().print(
+        f"  {report['replaced_patches']:,} replaced, {report['removed_faces']:,} faces by {report['new_faces']:,}; "
+        f"{report['kept_patches']:,} left as they were; volume removed {report['removed_volume']:.4g}"
+    )
+
+
 def print_creases(report: Report, source: str) -> None:
     """Print number, length and strength of the lines of each kind."""
     out().print(f"[bold]{escape(source)}[/]")
@@ -265,6 +287,8 @@ def _numbers(report: Report) -> str:
         return f"{len(report['lines']):,} lines, {report['sharp_edges']:,} sharp edges"
     if "closed_holes" in report:
         return f"{report['closed_holes']:,} holes filled, {report['open_holes']:,} left open"
+    if "replaced_patches" in report:
+        return f"{report['replaced_patches']:,} patches replaced, {report['kept_patches']:,} left as they were"
     if "noise_before" in report:
         return _noise_change(report)
     if report.get("statistics"):

@@ -8,13 +8,14 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from math import degrees
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.errors import InvalidParameterError
 from bezier_filters.holes.crease_fill import crease_attempts
 from bezier_filters.holes.hole import Hole
 from bezier_filters.holes.influence_region import HoleSurroundings, InfluenceRegion, vertex_pairs
@@ -27,10 +28,12 @@ from bezier_filters.meshes.half_edges import dihedral_angles, half_edge_lists, n
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.self_intersections import cut_faces, faces_in_boxes
 from bezier_filters.meshes.unit_size import LENGTH
+from bezier_filters.patches.patch_fit import PatchFit
 from bezier_filters.runtime.cached_property import cached_property
 
 FillingMethod = Literal["auto", "surface", "flat", "paper"]
 
+DEFAULT_WEIGHT = 0.8  # of the points of the paper's patches against their smoothness
 MAX_BULGE = 0.5  # of a fill beyond the bounding box of its rim, in diameters of the hole
 INTERSECTING = "every fill would cut other faces, intersecting=True takes the one that cuts least"
 SIZE_LIMITED = "its triangles stay larger than those around it, as there would be too many"
@@ -100,6 +103,43 @@ class HoleReport:
     self_intersections: int = 0
 
 
+def describe_hole(hole: Hole, reason: str = "") -> HoleReport:
+    """The report of an open hole, with the reason why it is not to be filled, if there is one."""
+    islands = len(hole.loops) - 1
+    return HoleReport(
+        hole.rim, islands, hole.edge_count, hole.perimeter, hole.diameter, hole.is_outer_rim, reason=reason
+    )
+
+
+@dataclass(frozen=True)
+class FillOptions:
+    """Options of the filling methods; InvalidParameterError if a value is out of range."""
+
+    method: FillingMethod = "auto"
+    creases: bool = True  # whether creases are continued
+    intersecting: bool = False  # whether the least intersecting fill is used if all fills intersect other faces
+    # for ``"paper"``
+    alpha: float | None = None  # weight of the points
+    correction: Correction = "harmonic"  # displacement that makes patches pass through the rim
+    refine: bool = True  # whether the patch gets new vertices inside the rim
+
+    def __post_init__(self) -> None:
+        if self.method not in FILL_METHODS:
+            raise InvalidParameterError(f"method: got {self.method!r}, expected one of {tuple(FILL_METHODS)}")
+        if self.method != "paper" and self.alpha is not None:
+            raise InvalidParameterError(f"alpha: method={self.method!r} does not use it; leave it out")
+        PatchFit(alpha=self.weight)
+        if self.correction not in get_args(Correction):
+            raise InvalidParameterError(f"correction: got {self.correction!r}, expected one of {get_args(Correction)}")
+        if self.method != "paper" and not self.refine:
+            raise InvalidParameterError(f"refine: method={self.method!r} always refines; leave it out")
+
+    @property
+    def weight(self) -> float:
+        """Weight of the points of the paper's patches."""
+        return DEFAULT_WEIGHT if self.alpha is None else self.alpha
+
+
 @dataclass(frozen=True)
 class MeshTask:
     """A mesh, its holes to be filled, and the options of the method."""
@@ -111,13 +151,7 @@ class MeshTask:
     boxes: FloatArray  # (h, 2, 3): lowest and highest corner of the box that contains each fill
     overlapping: Rows  # boxes that overlap each box, itself included
     nearby_faces: Rows  # faces of the mesh in each box
-    method: FillingMethod
-    creases: bool  # whether creases are continued
-    intersecting: bool  # whether the least intersecting fill is used if all fills intersect other faces
-    # for ``"paper"``
-    alpha: float  # weight of the points
-    correction: Correction  # displacement that makes patches pass through the rim
-    refine: bool  # whether the patch gets new vertices inside the rim
+    options: FillOptions
 
 
 @dataclass(frozen=True)
@@ -139,7 +173,7 @@ class HoleTask:
     @property
     def continues_creases(self) -> bool:
         """Whether sharp edges at the rim are looked for: not if noise makes them."""
-        return self.mesh.creases and not self.mesh.surroundings.is_smooth
+        return self.mesh.options.creases and not self.mesh.surroundings.is_smooth
 
 
 def _auto_attempts(task: HoleTask) -> Iterator[Attempt]:
@@ -169,8 +203,8 @@ def _surface_attempts(task: HoleTask) -> Iterator[Attempt]:
 
 def _paper_attempts(task: HoleTask) -> Iterator[Attempt]:
     """The paper's fills: a patch for each sub-hole between creases, then one patch; then smooth fills."""
-    mesh = task.mesh
-    fill_sub_hole = partial(paper_fill, alpha=mesh.alpha, correction=mesh.correction, refined=mesh.refine)
+    options = task.mesh.options
+    fill_sub_hole = partial(paper_fill, alpha=options.weight, correction=options.correction, refined=options.refine)
     if task.continues_creases:
         for attempt in crease_attempts(task.region, noisy=task.noisy, fill_sub_hole=fill_sub_hole):
             yield replace(attempt, kind="paper")
@@ -264,7 +298,7 @@ def _best_attempt(
     mesh_faces = FaceSet(ids, task.mesh.vertices[ids], np.arange(len(ids), dtype=np.int32).reshape(-1, 3))
     least, best, placed = 0, None, None  # number of intersecting faces of the best attempt so far, with its faces
     reasons: list[tuple[Attempt, str]] = []
-    for attempt in FILL_METHODS[task.method](hole):
+    for attempt in FILL_METHODS[task.options.method](hole):
         fill, problem = attempt.fill, attempt.reason
         if fill is not None and not np.isfinite(fill.points).all():
             problem = "coordinates are not finite"
@@ -280,7 +314,7 @@ def _best_attempt(
                 break
             problem = f"{count} of its faces would cut others"
         reasons.append((attempt, f"{attempt.kind}: {problem}"))
-    if best is None or placed is None or (least and not task.intersecting):
+    if best is None or placed is None or (least and not task.options.intersecting):
         remarks = [INTERSECTING] if least else []
         remarks += [text for _, text in reasons]
         return replace(report, reason="; ".join(dict.fromkeys(remarks)), self_intersections=least), None

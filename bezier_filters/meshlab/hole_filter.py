@@ -177,7 +177,7 @@ def meshing_close_holes_by_bezier_patch(
         "topology_after": dict(after.counts),
         "warnings": fill_warnings(result, diagonal),
         "remarks": remarks,
-        "holes": [_describe_hole(hole) for hole in result.holes],
+        "holes": [describe_report(hole) for hole in result.holes],
         "seconds": {"read": start - begin, "fit": fitted - start, "write": written - fitted},
     }
 
@@ -205,7 +205,7 @@ def _growth(mesh: CurrentMesh, result: HoleFillingResult) -> MeshGrowth:
     return MeshGrowth(result.vertices[n:], faces, like_vertex, adjacent_faces(result.vertices, mesh.faces, faces))
 
 
-def _describe_hole(hole: HoleReport) -> Report:
+def describe_report(hole: HoleReport) -> Report:
     """A report as a dict of plain values, with counts instead of lists."""
     description = asdict(hole)
     del description["rim"]

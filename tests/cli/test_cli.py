@@ -24,6 +24,7 @@ COMMANDS = [
     "torsion",
     "smooth",
     "fill-holes",
+    "replace",
     "creases",
     "batch",
     "run",
