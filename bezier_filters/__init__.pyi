@@ -17,6 +17,8 @@ from .files.filter_scripts import read_filter_script as read_filter_script
 from .files.filter_scripts import save_filter_script as save_filter_script
 from .fitting.vertex_geometry import VertexGeometry as VertexGeometry
 from .fitting.vertex_patch import vertex_patch as vertex_patch
+from .holes.bridging import BridgingResult as BridgingResult
+from .holes.bridging import bridge_holes as bridge_holes
 from .holes.fill_methods import HoleReport as HoleReport
 from .holes.hole_filling import HoleFillingResult as HoleFillingResult
 from .holes.hole_filling import fill_holes as fill_holes
@@ -33,6 +35,7 @@ from .meshes.half_edges import boundary_loops as boundary_loops
 from .meshes.mesh import TriangleMesh as TriangleMesh
 from .meshes.mesh import triangle_mesh as triangle_mesh
 from .meshes.neighbourhoods import k_rings as k_rings
+from .meshlab.bridge_filter import meshing_bridge_holes_by_bezier_patch as meshing_bridge_holes_by_bezier_patch
 from .meshlab.converters import mesh_arrays as mesh_arrays
 from .meshlab.converters import to_pyvista as to_pyvista
 from .meshlab.converters import to_trimesh as to_trimesh

@@ -197,6 +197,15 @@ rings : int, default 0
 """),
     *(_FILLED[name] for name in ("method", "intersecting", "creases", "noise")),
 )
+BRIDGES = (
+    *parameters("""
+pairs : str, default "auto"
+    auto (holes that face each other across a narrow gap), or pairs of numbers of holes: '0 1, 2 3'.
+    The report lists the holes in the order of their numbers, with their centres. A gap is narrow if every vertex of
+    each rim is within five edges of the other one.
+"""),
+    *(_FILLED[name] for name in ("intersecting", "noise")),
+)
 LINES = parameters("""
 angle : float, default 40.0
     Angle between faces in degrees, from which on an edge may be sharp.
@@ -239,6 +248,7 @@ PARAMETERS = {
     SMOOTH: (*SMOOTHING, *REPAIR, QUALITY_OF[SMOOTH], *COLORS, *RUN),
     "fill-holes": (*FILLING, *REPAIR, *RUN),
     "replace": (*REPLACEMENT, *RUN),
+    "bridge": (*BRIDGES, *RUN),
     CREASES: (*LINES, *FIT, *RUN),
 }
 _ESTIMATED = """\

@@ -48,7 +48,9 @@ class Item:
 def batch(
     command: Annotated[
         str,
-        typer.Argument(help="normals, curvature, torsion, smooth, fill-holes, replace or creases.", metavar="COMMAND"),
+        typer.Argument(
+            help="normals, curvature, torsion, smooth, fill-holes, replace, bridge or creases.", metavar="COMMAND"
+        ),
     ],
     sources: Annotated[
         list[str], typer.Argument(help="Files, or patterns in quotes; ** is any depth of folders.", metavar="FILES")

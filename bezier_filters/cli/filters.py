@@ -191,6 +191,17 @@ def replace_faces() -> None:
     """
 
 
+@filter_command("bridge", "meshing_bridge_holes_by_bezier_patch", verb="bridging", show=console.print_bridges)
+def bridge() -> None:
+    """Join pairs of holes by bands: a gap around a tube, two halves of a body, the missing wall of a bolt hole.
+
+    A band continues the surface on both sides, and is straight where the surface ends at an angle. All other holes stay
+    open. The report lists the holes with the numbers that --pairs takes, such as '1 2, 3 4'.
+
+    Example: bezier-filters bridge scan.ply joined.ply
+    """
+
+
 @app.command(epilog="Example: bezier-filters creases scan.ply lines.ply --picture creases.png")
 @options(*PARAMETERS["creases"])
 def creases(

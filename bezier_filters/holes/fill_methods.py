@@ -16,6 +16,7 @@ from scipy.sparse.csgraph import connected_components
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError
+from bezier_filters.holes.band_fill import straight_attempts
 from bezier_filters.holes.crease_fill import crease_attempts
 from bezier_filters.holes.hole import Hole
 from bezier_filters.holes.influence_region import HoleSurroundings, InfluenceRegion, vertex_pairs
@@ -67,7 +68,8 @@ class HoleReport:
         ``"creases"``: sharp edges were continued through the hole, and the sub-holes between them filled.
         ``"variational"``: no such surface; a polyharmonic fill of order 2 or more. ``"flat"``: in the plane of the rim,
         a harmonic fill or a triangulation of the rim alone, of little area. ``"paper"``: the paper's patch, or one for
-        each sub-hole. Empty if open.
+        each sub-hole. ``"straight"``: a straight band between two rims, at which the surface ends at an angle. Empty if
+        open.
     reason : str
         Why the hole stays open, why better methods failed, or that triangles stay larger than those around the hole
         because of the limit on their number; empty otherwise.
@@ -195,7 +197,15 @@ def _flat_attempt(task: HoleTask) -> Attempt:
 
 
 def _surface_attempts(task: HoleTask) -> Iterator[Attempt]:
-    """Fills that continue creases, if creases run into the hole; then smooth fills, each simpler than the last."""
+    """Fills that continue creases, if creases run into the hole; then smooth fills, each simpler than the last.
+
+    Bands between rims at which the surface ends at an angle are straight. If no band fits, the second rim is that of an
+    island.
+    """
+    if task.region.is_band:
+        yield from straight_attempts(task.region, noisy=task.noisy)
+        yield from smooth_attempts(task.region, task.normals, noisy=task.noisy)
+        task = replace(task, region=replace(task.region, is_band=False))
     if task.continues_creases:
         yield from crease_attempts(task.region, noisy=task.noisy)
     yield from smooth_attempts(task.region, task.normals, noisy=task.noisy)

@@ -27,6 +27,7 @@ class Hole:
     obstacle: str = ""  # why it cannot be filled; empty if it can
     is_end: bool = False  # whether the surface arrives at the rim rather like a tube than like the plane of the rim
     is_circle: bool = False  # whether it is a circle in a plane, in an open sheet, as of a bolt hole
+    is_band: bool = False  # whether it is the hole between two rims, both of which are its loops
     non_manifold_edges: int = 0  # number of edges of a non-manifold border, whose only "loop" is a list of its vertices
 
     @property

@@ -79,7 +79,7 @@ class HoleFillingResult:
     def __repr__(self) -> str:
         """One line: how many holes there were, and how many were filled."""
         return (
-            f"HoleFillingResult({len(self.vertices)} vertices, {len(self.faces)} faces, "
+            f"{type(self).__name__}({len(self.vertices)} vertices, {len(self.faces)} faces, "
             f"{self.filled} of {len(self.holes)} holes filled)"
         )
 
@@ -242,6 +242,7 @@ def fill_chosen(
 ) -> HoleFillingResult:
     """Fill holes in the order of their priority, in which the result lists them."""
     regions = influence_regions(mesh, [hole.loops for hole in holes])
+    regions = [replace(region, is_band=hole.is_band) for region, hole in zip(regions, holes, strict=True)]
     surroundings = hole_surroundings(mesh, regions, noise)
     boxes = np.array([hole_box(mesh, hole) for hole in holes]).reshape(-1, 2, 3)
     nearby_faces = faces_in_boxes(mesh.vertices, mesh.faces, boxes[:, 0], boxes[:, 1])

@@ -251,7 +251,8 @@ class _Rest:
 
     def hole(self, patch: _Patch) -> Hole:
         """The hole that a patch leaves."""
-        return measure_hole(self.mesh, tuple(self.place[loop] for loop in patch.loops), patch.obstacle)
+        hole = measure_hole(self.mesh, tuple(self.place[loop] for loop in patch.loops), patch.obstacle)
+        return replace(hole, is_band=len(patch.loops) == 2)
 
 
 def _add_rings(mesh: TriangleMesh, selected: BoolArray, rings: int) -> BoolArray:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.holes.band_triangulation import triangulate_band
 from bezier_filters.holes.implicit_surface import ImplicitSurface, fit_implicit_surface, project_point
 from bezier_filters.holes.influence_region import InfluenceRegion, select_surface_points
 from bezier_filters.holes.loops import triangulate_loop
@@ -71,7 +72,7 @@ def membrane_attempts(region: InfluenceRegion, fill: Fill | None = None) -> Iter
         return
     if len(fill.points) > fill.rim_count:
         yield Attempt("flat", _fair(fill, region, 1))
-    yield Attempt("flat", _triangulate_rim(region))
+    yield Attempt("flat", triangulate_rim(region))
 
 
 def _surface_attempt(fill: Fill, region: InfluenceRegion, normals: FloatArray, *, noisy: bool) -> Attempt:
@@ -99,7 +100,7 @@ def initial_fill(region: InfluenceRegion, order: int = 2, coarse: float | None =
     there are no tangent planes to continue. Fills of large holes are faired with edges longer by the factor `coarse`
     and then refined.
     """
-    fill = _triangulate_rim(region)
+    fill = triangulate_rim(region)
     if fill is None:
         return None
     coarse = max(1.0, region.rim_count / MAX_DIRECT_RIM_EDGES) if coarse is None else coarse
@@ -109,8 +110,14 @@ def initial_fill(region: InfluenceRegion, order: int = 2, coarse: float | None =
     return fill if coarse > 1.0 else _fair(fill, region, order)
 
 
-def _triangulate_rim(region: InfluenceRegion) -> Fill | None:
+def triangulate_rim(region: InfluenceRegion) -> Fill | None:
     """Triangulate the rim, or connect it to one new vertex if every triangulation would repeat an existing edge."""
+    if region.is_band:
+        first, second = region.loops
+        faces = triangulate_band(region.rim_vertices, first, second, region.rim_edges)
+        if faces is None or not _is_manifold(faces):
+            return None
+        return Fill(region.rim_vertices, region.sizes, faces, region.rim_count)
     polygon, normals, gaps = _join_loops(region)
     points = region.rim_vertices
     faces = triangulate_loop(points[polygon], polygon, normals, gaps, region.rim_edges)

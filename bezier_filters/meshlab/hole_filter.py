@@ -155,7 +155,7 @@ def meshing_close_holes_by_bezier_patch(
     lost_attributes, textured = list[str](), False
     if result.filled:
         with preserve_filter_script(ms):
-            lost_attributes, textured = grow_mesh(ms, _growth(mesh, result), select=newfaceselected)
+            lost_attributes, textured = grow_mesh(ms, growth_of(mesh, result), select=newfaceselected)
     written = time.perf_counter()
     remarks = topology.remarks
     if diameter is not None and diameter > diagonal:  # a length in other units than those of the mesh, perhaps
@@ -198,7 +198,7 @@ def fill_warnings(result: HoleFillingResult, diagonal: float) -> list[str]:
     return [text for text, holes in zip(texts, (wide, cutting, open_), strict=True) if holes]
 
 
-def _growth(mesh: CurrentMesh, result: HoleFillingResult) -> MeshGrowth:
+def growth_of(mesh: CurrentMesh, result: HoleFillingResult) -> MeshGrowth:
     """New vertices and faces, and the nearest old ones on the rims, whose attributes they get."""
     n, faces = len(mesh.vertices), result.faces[len(mesh.faces) :]
     like_vertex = nearest_rim_vertices(result.vertices, faces, n)

@@ -146,6 +146,7 @@ REMARKS = {
     "smooth": "noise ",
     "fill-holes": "0 holes filled, 0 left open",
     "replace": "1 patches replaced, 0 left as they were",
+    "bridge": "0 pairs of holes joined, 0 left open",
     "creases": "21 lines, 60 sharp edges",
 }
 OPTIONS = {"replace": ["--where", "fi == 0"]}

@@ -25,6 +25,7 @@ COMMANDS = [
     "smooth",
     "fill-holes",
     "replace",
+    "bridge",
     "creases",
     "batch",
     "run",

@@ -2,35 +2,20 @@
 
 import numpy as np
 import pytest
-from hole_cases import cube, off_the_cube, sheet, without_faces_near
+from hole_cases import sheet, without_faces_near
 from surface_cases import border_edges, directed_edges
 
 from bezier_filters import InvalidMeshError, InvalidParameterError, fill_holes, replace_selection
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
-from bezier_filters.holes.removed_material import cone_volume
 from bezier_filters.holes.selection_replacement import ReplacementResult
 from bezier_filters.surfaces import cylinder, sphere, torus
-
-RADIUS, HEIGHT = 0.35, 0.15
-
-
-def bump(vertices: FloatArray, directions: FloatArray, center: FloatArray, height: float = HEIGHT) -> FloatArray:
-    """Height (1 - d^2 / r^2)^2 along the directions, at the distance d < r from a point."""
-    squares = np.square(vertices - center).sum(axis=1) / RADIUS**2
-    return directions * (height * np.square(1.0 - np.minimum(squares, 1.0)))[:, np.newaxis]
+from hole_jobs import HEIGHT, RADIUS, add_noise, bump, bumps, off_the_cube
+from open_ends import edge_length
 
 
 def moved_faces(before: FloatArray, after: FloatArray, faces: IntArray) -> BoolArray:
     """Faces with a vertex that differs."""
     return (before != after).any(axis=1)[faces].any(axis=1)
-
-
-def mean_edge(vertices: FloatArray, faces: IntArray) -> float:
-    return float(np.linalg.norm(vertices[faces[:, 0]] - vertices[faces[:, 1]], axis=1).mean())
-
-
-def volume(vertices: FloatArray, faces: IntArray) -> float:
-    return cone_volume(vertices, faces, np.zeros(3))
 
 
 def assert_replaced(vertices: FloatArray, faces: IntArray, selected: BoolArray, result: ReplacementResult) -> None:
@@ -50,41 +35,24 @@ def assert_replaced(vertices: FloatArray, faces: IntArray, selected: BoolArray, 
     assert set(range(n, len(result.vertices))) <= set(result.faces.ravel().tolist())
 
 
-SURFACES = {
-    "sphere": (lambda: sphere(resolution=32, jitter=0.2), lambda p: np.linalg.norm(p, axis=1) - 1.0),
-    "torus": (
-        lambda: torus(resolution=64, jitter=0.2),
-        lambda p: np.hypot(np.hypot(p[:, 0], p[:, 1]) - 1.0, p[:, 2]) - 0.4,
-    ),
-    "cylinder": (lambda: cylinder(resolution=96, jitter=0.2), lambda p: np.hypot(p[:, 0], p[:, 1]) - 1.0),
-}
-
-
 @pytest.mark.parametrize("noise", [0.0, 0.1])
-@pytest.mark.parametrize("name", SURFACES)
+@pytest.mark.parametrize("name", ["sphere", "torus", "cylinder"])
 def test_a_bump_is_removed_with_its_volume(name, noise):
-    make, distance = SURFACES[name]
-    surface = make()
-    vertices, faces = surface.vertices, surface.faces
-    assert np.abs(distance(vertices)).max() < 1e-12
-    middle = np.abs(vertices - vertices.mean(axis=0)) @ [0.0, 0.0, 1.0] + 0.1 * np.abs(vertices[:, 1])
-    bumpy = vertices + bump(vertices, surface.normals, vertices[middle.argmin()])
-    selected = moved_faces(vertices, bumpy, faces)
-    edge = mean_edge(vertices, faces)
-    noisy = bumpy + noise * edge * np.random.default_rng(0).standard_normal(vertices.shape)
+    case = bumps()[name]
+    faces, selected, edge = case.faces, case.selected, edge_length(case.vertices, case.faces)
+    assert np.abs(case.distance(case.vertices)).max() < 1e-12
+    noisy = add_noise(case.vertices + case.moves, faces, noise)
     result = replace_selection(noisy, faces, selected)
     assert_replaced(noisy, faces, selected, result)
     (patch,) = result.patches
     assert patch.hole.method == "surface"
-    truth = volume(bumpy, faces) - volume(vertices, faces)
-    assert patch.removed_volume == pytest.approx(truth, rel=0.1 if noise else 0.01)
+    assert patch.removed_volume == pytest.approx(case.volume, rel=0.1 if noise else 0.01)
     assert patch.removed_height == pytest.approx(HEIGHT, abs=0.005 + 3.0 * noise * edge)
     assert patch.area == pytest.approx(np.pi * RADIUS**2, rel=0.3)  # and the faces at the rim
-    errors = distance(result.vertices[len(result.old_vertices) :]) / edge
+    errors = case.distance(result.vertices[len(result.old_vertices) :]) / edge
     assert np.abs(errors).max() < (0.3 if noise else 0.01)
     assert np.sqrt(np.square(errors).mean()) < (noise if noise else 0.005)
-    spacing = mean_edge(result.vertices, result.faces[len(result.old_faces) :])
-    assert spacing == pytest.approx(edge, rel=0.2)
+    assert edge_length(result.vertices, result.faces[len(result.old_faces) :]) == pytest.approx(edge, rel=0.2)
 
 
 def test_the_volume_of_a_bump_on_a_sphere_is_that_of_the_integral():
@@ -120,22 +88,19 @@ def test_a_pit_and_a_bump_in_a_plane_are_measured_exactly():
 
 @pytest.mark.parametrize("noise", [0.0, 0.05])
 def test_a_sharp_edge_goes_on_through_the_selection(noise):
-    vertices, faces = cube()
-    edge = mean_edge(vertices, faces)
-    center = np.array([0.5, -0.5, 0.0])
-    bumpy = vertices + bump(vertices, np.broadcast_to([0.7, -0.7, 0.0], vertices.shape), center, 0.1)
-    noisy = bumpy + noise * edge * np.random.default_rng(0).standard_normal(vertices.shape)
-    selected = moved_faces(vertices, bumpy, faces)
+    case = bumps()["edge of a block"]
+    faces, selected, edge = case.faces, case.selected, edge_length(case.vertices, case.faces)
+    noisy = add_noise(case.vertices + case.moves, faces, noise)
     result = replace_selection(noisy, faces, selected)
     assert_replaced(noisy, faces, selected, result)
     (patch,) = result.patches
     assert patch.hole.method == "creases"
     new = result.vertices[len(result.old_vertices) :]
-    assert off_the_cube(new).max() < (0.5 * edge if noise else 1e-9)
+    assert np.abs(off_the_cube(new)).max() < (0.5 * edge if noise else 1e-9)
     if not noise:
-        assert patch.removed_volume == pytest.approx(volume(bumpy, faces) - volume(vertices, faces), rel=1e-6)
+        assert patch.removed_volume == pytest.approx(case.volume, rel=1e-6)
     smooth = replace_selection(noisy, faces, selected, creases=False)
-    assert off_the_cube(smooth.vertices[len(smooth.old_vertices) :]).max() > 0.2 * edge
+    assert np.abs(off_the_cube(smooth.vertices[len(smooth.old_vertices) :])).max() > 0.2 * edge
 
 
 def test_the_result_does_not_depend_on_the_numbering():
@@ -231,7 +196,7 @@ def test_a_ring_around_a_tube_becomes_a_band_and_not_two_lids():
     (patch,) = result.patches
     assert patch.hole.islands == 1
     new = result.vertices[len(result.old_vertices) :]
-    assert np.abs(np.hypot(new[:, 0], new[:, 1]) - 1.0).max() < 0.05 * mean_edge(tube.vertices, tube.faces)
+    assert np.abs(np.hypot(new[:, 0], new[:, 1]) - 1.0).max() < 0.05 * edge_length(tube.vertices, tube.faces)
 
 
 def test_non_manifold_edges_are_refused():

@@ -64,6 +64,7 @@ FUNCTIONS = [
     "smooth",
     "fill_holes",
     "replace_selection",
+    "bridge_holes",
     "find_creases",
     "triangle_mesh",
     "boundary_loops",
@@ -89,6 +90,7 @@ FUNCTIONS = [
     "apply_coord_bezier_patch_smoothing",
     "meshing_close_holes_by_bezier_patch",
     "meshing_replace_selection_by_bezier_patch",
+    "meshing_bridge_holes_by_bezier_patch",
 ]
 UNCHECKED = {"progress", "colorrange", "percentile"}  # what is called; what counts only where there are colours
 

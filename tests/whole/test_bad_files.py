@@ -32,6 +32,7 @@ COMMANDS = {
     "torsion": ["out.ply"],
     "smooth": ["out.ply"],
     "fill-holes": ["out.ply"],
+    "bridge": ["out.ply"],
     "replace": ["out.ply", "--where", "fi == 0"],
     "render": ["out.png"],
     "info": [],
