@@ -76,7 +76,7 @@ def find_holes(mesh: PreparedMesh) -> list[Hole]:
 
 def measure_hole(mesh: PreparedMesh, loops: tuple[IntArray, ...], obstacle: str = "", turning: float = 0.0) -> Hole:
     """A hole with given loops, in the direction of the faces that fill it; the first is its rim."""
-    points = [mesh.vertices[loop] for loop in loops]
+    points = [mesh.vertices[loop[::-1]] for loop in loops]  # as the border runs
     length = sum(float(np.linalg.norm(np.roll(rim, -1, axis=0) - rim, axis=1).sum()) for rim in points)
     is_end = len(loops) == 1 and not obstacle and _is_end(mesh, loops[0])
     return Hole(loops, turning, length, diameter(points[0]) if len(points[0]) else 0.0, obstacle, is_end)
