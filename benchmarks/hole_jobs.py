@@ -152,14 +152,11 @@ def main() -> None:
             vertices = add_noise(case.vertices + case.moves, case.faces, noise)
             result = bf.replace_selection(vertices, case.faces, case.selected)
             (patch,) = result.patches
-            errors = patch.removed_volume / case.volume - 1.0, patch.removed_height / height - 1.0
+            ratios = patch.removed_volume / case.volume, patch.removed_height / height
+            of_volume, of_height = (f"{round(100.0 * (ratio - 1.0), 1) + 0.0:.1f} %" for ratio in ratios)
             new = result.vertices[len(result.old_vertices) :]
             off = mean_distance(case.distance, new, edge_length(case.vertices, case.faces))
-            print(
-                f"| {name} | {noise:g} | {patch.hole.method} | {errors[0]:.1%} | {errors[1]:.1%} | {off:.4f} |".replace(
-                    "%", " %"
-                )
-            )
+            print(f"| {name} | {noise:g} | {patch.hole.method} | {of_volume} | {of_height} | {off:.4f} |")
     print("\n| gap in | noise [edges] | bands | new faces | distance [edges] |\n|---|---|---|---|---|")
     for name, gap in gaps().items():
         for noise in (0.0, 0.1):

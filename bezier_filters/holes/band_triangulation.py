@@ -8,6 +8,7 @@ contours", CACM 1977), may give two fans where the loops are far apart or tilted
 """
 
 import numpy as np
+from scipy.spatial.distance import cdist
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.holes.loops import plane_axes, vector_area
@@ -31,7 +32,7 @@ def triangulate_band(points: FloatArray, first: IntArray, second: IntArray, exis
     """
     second = second[::-1]
     one, other = points[first], points[second]
-    costs = np.square(one[:, np.newaxis] - _move_onto(one, other)).sum(axis=2)
+    costs = cdist(one, _move_onto(one, other), "sqeuclidean")
     _forbid(first, second, sort_pairs(existing.astype(np.int32)), costs)
     i, j = np.unravel_index(int(np.argmin(costs)), costs.shape)
     # both loops begin and end at the shortest connection
