@@ -24,6 +24,8 @@ COMMANDS = [
     "torsion",
     "smooth",
     "fill-holes",
+    "replace",
+    "bridge",
     "creases",
     "batch",
     "run",
