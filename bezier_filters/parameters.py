@@ -168,6 +168,10 @@ outerrims : bool, default False
 boltholes : bool, default False
     Fill circles in flat parts of open sheets, too, which look like the holes for bolts in a part.
     Those with a selected vertex are filled in any case with ``onselected``.
+trim : bool, default False
+    Remove faces at the rim that intersect others, as spikes and flaps do, where a hole cannot be filled otherwise.
+    Where that is not enough, all faces at the rim are removed. They stay if the hole cannot be filled without them,
+    either.
 intersecting : bool, default False
     Fill holes, too, whose fills all intersect other faces or themselves, by the fill with the fewest intersections.
     Otherwise they are left open, as by MeshLab's own filter, and reported.

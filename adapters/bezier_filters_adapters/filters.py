@@ -22,6 +22,7 @@ from bezier_filters.parameters import LENGTH_TYPE, PARAMETERS, RUN, Parameter
 from bezier_filters_adapters.filled_fields import NEW, Fill, Values
 
 FILL_HOLES = "fill-holes"
+TRIM = "trim"  # would remove rows, whose fields adapters keep
 LABELS = {
     NORMALS: "Normals",
     CURVATURE: "Curvature",
@@ -89,6 +90,7 @@ def run(name: str, vertices: ArrayLike, faces: ArrayLike, given: Mapping[str, ob
 def parameters_of(name: str) -> list[Parameter]:
     """Parameters of a filter that functions of arrays have, but for threads and progress."""
     known = {key for function in _FUNCTIONS[name] for key in _names(function)}
+    known.discard(TRIM)
     return [parameter for parameter in PARAMETERS[name] if parameter.name in known and parameter not in RUN]
 
 

@@ -202,6 +202,8 @@ def print_holes(report: Report, source: str) -> None:
     out().print(
         f"  {report['closed_holes']:,} filled with {report['new_faces']:,} faces, {report['open_holes']:,} left open"
     )
+    if report["trimmed_faces"]:
+        out().print(f"  {report['trimmed_faces']:,} old faces at rims removed, which intersected others")
     others = sum(hole["filled"] and hole["reason"].startswith("paper: ") for hole in report["holes"])
     if others:
         out().print(f"  {others:,} of them by another method than the paper's, which does not work there")

@@ -115,7 +115,7 @@ def bridge_holes(
     chosen = _facing_pairs(mesh, found) if isinstance(pairs, str) and pairs == "auto" else _check_pairs(pairs, found)
     holes = [_join(mesh, found[a], found[b]) for a, b in chosen]
     filled = fill_chosen(mesh, holes, noise, FillOptions("surface", intersecting=intersecting), progress)
-    return BridgingResult(filled.vertices, filled.faces, filled.holes, filled.noise, tuple(chosen))
+    return BridgingResult(**vars(filled), pairs=tuple(chosen))
 
 
 def _join(mesh: PreparedMesh, one: Hole, other: Hole) -> Hole:

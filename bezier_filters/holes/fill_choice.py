@@ -117,7 +117,7 @@ def _obstacle(place: FillPlace) -> str:
     a, b, c = corners[order][len(order) - len(cut) :][cut][0]
     return (
         f"{INTERSECTING}; {np.count_nonzero(cut)} of the faces at its rim intersect others already, as that with the "
-        f"vertices {a}, {b} and {c}: remove them first"
+        f"vertices {a}, {b} and {c}: trim=True removes them if that helps"
     )
 
 

@@ -29,6 +29,8 @@ from bezier_filters.holes.hole_detection import HoleChoice, find_holes
 from bezier_filters.holes.hole_report import HoleReport, describe_hole
 from bezier_filters.holes.influence_region import hole_surroundings, influence_regions
 from bezier_filters.holes.planar_fill import Correction
+from bezier_filters.holes.remaining_mesh import RemainingMesh
+from bezier_filters.holes.rim_trimming import trim_rims
 from bezier_filters.meshes.mesh import check_selection, takes_arrays, triangle_mesh
 from bezier_filters.meshes.prepared_mesh import PreparedMesh, prepare_mesh
 from bezier_filters.meshes.self_intersections import faces_in_boxes
@@ -47,20 +49,25 @@ class HoleFillingResult:
     Attributes
     ----------
     vertices : (n + added, 3) float64
-        The old vertices, unchanged, and the new ones after them.
+        The old vertices, unchanged and without those that only trimmed faces had, and the new ones after them.
     faces : (m + added, 3) int32
-        The old faces, unchanged, and the new ones after them, with the orientation of the faces around them.
+        The old faces, unchanged and without trimmed ones, and the new ones after them, with the orientation of the
+        faces around them.
     holes : tuple of HoleReport
         One for every hole and every outer rim, ordered by the smallest vertex of the rim.
     noise : float or None
         Standard deviation of the noise along the normal that the fills assume, a length; None if it could not be
         estimated.
+    old_vertices, old_faces : (n,) and (m,) int32
+        Rows of the old vertices and faces in the given mesh: all of them, unless some were trimmed.
     """
 
     vertices: FloatArray = field(metadata=LENGTH)
     faces: IntArray
     holes: tuple[HoleReport, ...]
     noise: float | None = field(metadata=LENGTH)
+    old_vertices: IntArray
+    old_faces: IntArray
 
     @property
     def filled(self) -> int:
@@ -71,8 +78,7 @@ class HoleFillingResult:
         """Show the mesh before and after in a notebook, as `bezier_filters.show` does."""
         from bezier_filters import show  # by its public name: `pictures` imports `holes`, not the reverse
 
-        vertices = len(self.vertices) - sum(len(hole.new_vertices) for hole in self.holes)
-        faces = len(self.faces) - sum(len(hole.new_faces) for hole in self.holes)
+        vertices, faces = len(self.old_vertices), len(self.old_faces)
         return show(self.vertices[:vertices], self.faces[:faces], self)
 
     def __repr__(self) -> str:
@@ -114,6 +120,7 @@ def fill_holes(
     selected: BoolArray | None = None,
     outer_rims: bool = False,
     bolt_holes: bool = False,
+    trim: bool = False,
     intersecting: bool = False,
     creases: bool = True,
     noise: float | None = None,
@@ -166,6 +173,10 @@ def fill_holes(
     bolt_holes : bool
         Whether to fill circles in flat parts of open sheets, too, which are left open like the holes for bolts in a
         part. Those in `holes` or selected are filled in any case.
+    trim : bool
+        Whether to remove spikes and flaps where all fills of a hole intersect others: faces at its rim that intersect
+        others themselves, or all faces at the rim if that is not enough. They stay if the hole
+        cannot be filled without them, either.
     intersecting : bool
         Whether to fill a hole whose fills all intersect other faces or themselves, by the one with the fewest
         intersecting faces.
@@ -227,8 +238,52 @@ def fill_holes(
     found = find_holes(mesh)
     choice.check(mesh.vertex_count, len(found))
     refusals = [choice.refusal(k, hole) for k, hole in enumerate(found)]
+    result = _fill_found(mesh, found, refusals, noise, options, progress)
+    return _fill_trimmed(mesh, result, noise, options, progress) if trim else result
+
+
+def _fill_trimmed(
+    mesh: PreparedMesh,
+    result: HoleFillingResult,
+    noise: float | None,
+    options: FillOptions,
+    progress: Progress | None,
+) -> HoleFillingResult:
+    """Fill again without spikes and flaps at the rims of holes that stayed open because of them."""
+    reasons = {
+        vertex: hole.reason
+        for hole in result.holes
+        if not (hole.filled or hole.self_intersections)
+        for vertex in hole.rim.tolist()
+    }
+    filled = result
+
+    def fill(rest: RemainingMesh) -> Sequence[HoleReport]:
+        nonlocal filled
+        found = find_holes(rest.mesh)
+        rims = [rest.old_vertices[hole.rim].tolist() for hole in found]
+        refusals = [next((reasons[vertex] for vertex in rim if vertex in reasons), "") for rim in rims]
+        filled = _fill_found(rest.mesh, found, refusals, noise, options, progress)
+        return filled.holes
+
+    trimmed = trim_rims(mesh, result.holes, fill)
+    if trimmed is None:
+        return result
+    return replace(filled, old_vertices=trimmed.old_vertices, old_faces=trimmed.old_faces)
+
+
+def _fill_found(
+    mesh: PreparedMesh,
+    found: Sequence[Hole],
+    refusals: Sequence[str],
+    noise: float | None,
+    options: FillOptions,
+    progress: Progress | None,
+) -> HoleFillingResult:
+    """Fill the holes that are not refused; the reports have the order of all of them."""
     # The fill of the outer rim of a curved sheet may intersect the fills of its holes, which have priority.
-    numbers = sorted(np.flatnonzero([not refusal for refusal in refusals]), key=lambda k: found[k].is_outer_rim)
+    numbers = [k for k, refusal in enumerate(refusals) if not refusal]
+    numbers.sort(key=lambda k: found[k].is_outer_rim)
     filled = fill_chosen(mesh, [found[k] for k in numbers], noise, options, progress)
     reports = [describe_hole(hole, refusal) for hole, refusal in zip(found, refusals, strict=True)]
     for number, hole in zip(numbers, filled.holes, strict=True):
@@ -263,7 +318,8 @@ def fill_chosen(
         points.append(fill.points[is_new])
         triangles.append(ids[fill.faces].astype(np.int32))
         vertex_count, face_count = new_vertices.stop, new_faces.stop
-    return HoleFillingResult(np.vstack(points), np.vstack(triangles), tuple(reports), surroundings.noise)
+    old = (np.arange(count, dtype=np.int32) for count in (mesh.vertex_count, mesh.face_count))
+    return HoleFillingResult(np.vstack(points), np.vstack(triangles), tuple(reports), surroundings.noise, *old)
 
 
 def _fill_all(task: MeshTask, progress: Progress | None) -> list[tuple[HoleReport, FaceSet | None]]:

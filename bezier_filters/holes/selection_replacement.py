@@ -21,6 +21,7 @@ from bezier_filters.holes.hole_detection import ORIENT_HINT, measure_hole
 from bezier_filters.holes.hole_filling import HoleFillingResult, fill_chosen
 from bezier_filters.holes.hole_report import HoleReport, describe_hole
 from bezier_filters.holes.loops import diameter
+from bezier_filters.holes.remaining_mesh import RemainingMesh, remove_faces
 from bezier_filters.holes.removed_material import cone_volume, largest_height
 from bezier_filters.meshes.half_edges import (
     NON_MANIFOLD,
@@ -30,7 +31,6 @@ from bezier_filters.meshes.half_edges import (
     half_edge_twins,
 )
 from bezier_filters.meshes.mesh import TriangleMesh, check_selection, takes_arrays, triangle_mesh
-from bezier_filters.meshes.prepared_mesh import PreparedMesh, prepare_mesh
 from bezier_filters.meshes.triangles import area_vectors
 from bezier_filters.meshes.unit_size import AREA, LENGTH, VOLUME, normalizes_size
 from bezier_filters.runtime.parallel import Progress, runs_on_threads
@@ -215,7 +215,7 @@ def replace_selection(
     while True:
         rest = _remove(mesh, patches)
         replaceable = [k for k, patch in enumerate(patches) if not patch.obstacle]
-        filled = fill_chosen(rest.mesh, [rest.hole(patches[k]) for k in replaceable], noise, options, progress)
+        filled = fill_chosen(rest.mesh, [_hole(rest, patches[k]) for k in replaceable], noise, options, progress)
         open_ = {k: hole.reason for k, hole in zip(replaceable, filled.holes, strict=True) if not hole.filled}
         if not open_:
             break
@@ -225,7 +225,7 @@ def replace_selection(
     reports = tuple(
         _measure(mesh, patch, fills[k], filled)
         if k in fills
-        else ReplacedPatch(patch.faces, describe_hole(rest.hole(patch), patch.obstacle))
+        else ReplacedPatch(patch.faces, describe_hole(_hole(rest, patch), patch.obstacle))
         for k, patch in enumerate(patches)
     )
     return ReplacementResult(filled.vertices, filled.faces, rest.old_vertices, rest.old_faces, reports, filled.noise)
@@ -241,19 +241,10 @@ class _Patch:
     obstacle: str = ""  # why it cannot be replaced; empty if it can
 
 
-@dataclass(frozen=True)
-class _Rest:
-    """The mesh without the patches that can be replaced."""
-
-    mesh: PreparedMesh
-    old_vertices: IntArray  # (n,): its vertices as rows of the whole mesh
-    old_faces: IntArray  # (m,): its faces as rows of the whole mesh
-    place: IntArray  # rows of the vertices of the whole mesh in it, arbitrary for removed ones
-
-    def hole(self, patch: _Patch) -> Hole:
-        """The hole that a patch leaves."""
-        hole = measure_hole(self.mesh, tuple(self.place[loop] for loop in patch.loops), patch.obstacle)
-        return replace(hole, is_band=len(patch.loops) == 2)
+def _hole(rest: RemainingMesh, patch: _Patch) -> Hole:
+    """The hole that a patch leaves."""
+    hole = measure_hole(rest.mesh, tuple(rest.place[loop] for loop in patch.loops), patch.obstacle)
+    return replace(hole, is_band=len(patch.loops) == 2)
 
 
 def _add_rings(mesh: TriangleMesh, selected: BoolArray, rings: int) -> BoolArray:
@@ -304,16 +295,12 @@ def _find_patches(mesh: TriangleMesh, selected: BoolArray) -> list[_Patch]:
     return sorted(patches, key=lambda patch: int(patch.faces[0]))
 
 
-def _remove(mesh: TriangleMesh, patches: Sequence[_Patch]) -> _Rest:
-    """Remove the faces of patches without obstacles, and the vertices that only these had."""
-    stays = np.ones(mesh.face_count, dtype=np.bool_)
+def _remove(mesh: TriangleMesh, patches: Sequence[_Patch]) -> RemainingMesh:
+    """Remove the faces of patches without obstacles."""
+    removed = np.zeros(mesh.face_count, dtype=np.bool_)
     for patch in patches:
-        stays[patch.faces] &= bool(patch.obstacle)
-    gone = _vertices_of(mesh, ~stays) & ~_vertices_of(mesh, stays)
-    place = (np.cumsum(~gone) - 1).astype(np.int32)
-    old_vertices, old_faces = (np.flatnonzero(rows).astype(np.int32) for rows in (~gone, stays))
-    rest = TriangleMesh(mesh.vertices[old_vertices], place[mesh.faces[old_faces]])
-    return _Rest(prepare_mesh(rest), old_vertices, old_faces, place)
+        removed[patch.faces] = not patch.obstacle
+    return remove_faces(mesh, removed)
 
 
 def _measure(mesh: TriangleMesh, patch: _Patch, hole: HoleReport, filled: HoleFillingResult) -> ReplacedPatch:

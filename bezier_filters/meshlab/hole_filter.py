@@ -13,7 +13,8 @@ from bezier_filters.holes.fill_methods import FillingMethod
 from bezier_filters.holes.hole_filling import HoleFillingResult, fill_holes
 from bezier_filters.holes.hole_report import HoleReport
 from bezier_filters.holes.planar_fill import Correction
-from bezier_filters.meshlab.mesh_growth import MeshGrowth, grow_mesh
+from bezier_filters.holes.selection_replacement import ReplacementResult
+from bezier_filters.meshlab.mesh_growth import MeshGrowth, StayingRows, grow_mesh
 from bezier_filters.meshlab.meshset import (
     BezierFilterError,
     CurrentMesh,
@@ -44,6 +45,7 @@ def meshing_close_holes_by_bezier_patch(
     maxdiameter: Length | None = None,
     outerrims: bool = False,
     boltholes: bool = False,
+    trim: bool = False,
     intersecting: bool = False,
     creases: bool = True,
     repair: bool = False,
@@ -63,15 +65,15 @@ def meshing_close_holes_by_bezier_patch(
     through it. See `bezier_filters.fill_holes`. A hole is filled completely or left open.
 
     pymeshlab can add faces only by merging layers: the new layer is the last and the current one, and the old one, with
-    its id, is gone. Old vertices and faces stay the first, bit for bit and in their order, with their textures,
-    colours, quality, selection and custom attributes; label, transform and visibility stay, too. Colours and quality of
-    vertices go on smoothly into the fills; those of faces, and attributes, are of the nearest old ones, and ``bz_*``
-    columns are 0, as nothing has been estimated there. Texture coordinates go on smoothly, too; where a seam meets the
-    rim, or other faces show the texture inside the hole, new faces continue the texture of adjacent old faces from the
-    common edge on. They have no texture if one has a name with spaces, or two have the same name. Vertex and face
-    normals are those of the faces. If no hole is filled, nothing changes except by `repair`: pymeshlab's filters
-    weld coincident borders, split edges of more than two faces, which loses selections and sets custom attributes to 0,
-    split vertices at which surfaces only touch, and reorient flipped faces.
+    its id, is gone. Old vertices and faces, but for what `trim` removes, stay the first, bit for bit and in their
+    order, with their textures, colours, quality, selection and custom attributes; label, transform and visibility stay,
+    too. Colours and quality of vertices go on smoothly into the fills; those of faces, and attributes, are of the
+    nearest old ones, and ``bz_*`` columns are 0, as nothing has been estimated there. Texture coordinates go on
+    smoothly, too; where a seam meets the rim, or other faces show the texture inside the hole, new faces continue the
+    texture of adjacent old faces from the common edge on. They have no texture if one has a name with spaces, or two
+    have the same name. Vertex and face normals are those of the faces. If no hole is filled, nothing changes except by
+    `repair`: pymeshlab's filters weld coincident borders, split edges of more than two faces, which loses selections
+    and sets custom attributes to 0, split vertices at which surfaces only touch, and reorient flipped faces.
 
     Parameters
     ----------
@@ -87,21 +89,21 @@ def meshing_close_holes_by_bezier_patch(
     Returns
     -------
     dict
-        ``closed_holes``, ``open_holes``, ``new_vertices`` and ``new_faces`` (numbers), ``id`` (of the layer that is the
-        mesh now), ``noise`` (standard deviation, a length, or None), ``lost_attributes`` (custom attributes that
-        pymeshlab does not let us copy: those with capital letters or signs in their names), ``textured`` (whether the
-        new faces show a texture), ``repaired`` (numbers of ``welded_vertices``, ``split_vertices``, ``removed_faces``
-        without area or there twice, and ``turned_faces``, or None), ``topology`` (after that, as ``topology_before``)
-        and ``topology_after`` (what pymeshlab counts: ``components``, ``genus``, ``boundary_loops`` with those of outer
-        rims and islands, ``boundary_edges``, ``non_manifold_faces`` at such edges, ``non_manifold_vertices`` and
-        ``two_manifold``; where the mesh is not a manifold the genus is None, and ``boundary_loops_by`` says that we
-        have counted the loops), ``warnings`` (texts: fills that need a look, because they intersect faces, or are as
-        wide as half of the mesh, and holes that were left open because every fill would intersect faces), ``remarks``
-        (texts: limits that limit nothing), ``seconds`` (read, fit, write) and ``holes``, a dict for each with
-        ``filled``, ``method``, ``reason``, ``edge_count``, ``perimeter``, ``diameter``, ``islands``, ``is_outer_rim``,
-        ``parts``, ``crease_edges``, ``new_vertices`` and ``new_faces`` (numbers), ``rim_error`` (0), ``rim_dihedral``
-        (mean angle along the rim, degrees) and ``self_intersections``; see `bezier_filters.HoleReport`. It can be
-        written as JSON.
+        ``closed_holes``, ``open_holes``, ``new_vertices``, ``new_faces`` and ``trimmed_faces`` (numbers), ``id`` (of
+        the layer that is the mesh now), ``noise`` (standard deviation, a length, or None), ``lost_attributes`` (custom
+        attributes that pymeshlab does not let us copy: those with capital letters or signs in their names),
+        ``textured`` (whether the new faces show a texture), ``repaired`` (numbers of ``welded_vertices``,
+        ``split_vertices``, ``removed_faces`` without area or there twice, and ``turned_faces``, or None), ``topology``
+        (after that, as ``topology_before``) and ``topology_after`` (what pymeshlab counts: ``components``, ``genus``,
+        ``boundary_loops`` with those of outer rims and islands, ``boundary_edges``, ``non_manifold_faces`` at such
+        edges, ``non_manifold_vertices`` and ``two_manifold``; where the mesh is not a manifold the genus is None, and
+        ``boundary_loops_by`` says that we have counted the loops), ``warnings`` (texts: fills that need a look, because
+        they intersect faces, or are as wide as half of the mesh, and holes that were left open because every fill would
+        intersect faces), ``remarks`` (texts: limits that limit nothing), ``seconds`` (read, fit, write) and ``holes``,
+        a dict for each with ``filled``, ``method``, ``reason``, ``edge_count``, ``perimeter``, ``diameter``,
+        ``islands``, ``is_outer_rim``, ``parts``, ``crease_edges``, ``new_vertices`` and ``new_faces`` (numbers),
+        ``rim_error`` (0), ``rim_dihedral`` (mean angle along the rim, degrees) and ``self_intersections``; see
+        `bezier_filters.HoleReport`. It can be written as JSON.
 
     Examples
     --------
@@ -135,6 +137,7 @@ def meshing_close_holes_by_bezier_patch(
             selected=mesh.selection_mask() if onselected else None,
             outer_rims=outerrims,
             bolt_holes=boltholes,
+            trim=trim,
             intersecting=intersecting,
             creases=creases,
             noise=absolute_length(noise, mesh.vertices, "noise"),
@@ -166,8 +169,9 @@ def meshing_close_holes_by_bezier_patch(
     return {
         "closed_holes": result.filled,
         "open_holes": len(result.holes) - result.filled,
-        "new_vertices": len(result.vertices) - len(mesh.vertices),
-        "new_faces": len(result.faces) - len(mesh.faces),
+        "new_vertices": len(result.vertices) - len(result.old_vertices),
+        "new_faces": len(result.faces) - len(result.old_faces),
+        "trimmed_faces": len(mesh.faces) - len(result.old_faces),
         "id": ms.current_mesh_id(),
         "noise": result.noise,
         "lost_attributes": lost_attributes,
@@ -199,11 +203,13 @@ def fill_warnings(result: HoleFillingResult, diagonal: float) -> list[str]:
     return [text for text, holes in zip(texts, (wide, cutting, open_), strict=True) if holes]
 
 
-def growth_of(mesh: CurrentMesh, result: HoleFillingResult) -> MeshGrowth:
-    """New vertices and faces, and the nearest old ones on the rims, whose attributes they get."""
-    n, faces = len(mesh.vertices), result.faces[len(mesh.faces) :]
-    like_vertex = nearest_rim_vertices(result.vertices, faces, n)
-    return MeshGrowth(result.vertices[n:], faces, like_vertex, adjacent_faces(result.vertices, mesh.faces, faces))
+def growth_of(mesh: CurrentMesh, result: HoleFillingResult | ReplacementResult) -> MeshGrowth:
+    """New vertices and faces, the nearest old ones on the rims, whose attributes they get, and the rows that stay."""
+    n, m = len(result.old_vertices), len(result.old_faces)
+    old, new = result.faces[:m], result.faces[m:]
+    like_vertex, like_face = nearest_rim_vertices(result.vertices, new, n), adjacent_faces(result.vertices, old, new)
+    staying = StayingRows(result.old_vertices, result.old_faces) if m < len(mesh.faces) else None
+    return MeshGrowth(result.vertices[n:], new, like_vertex, like_face, staying)
 
 
 def describe_report(hole: HoleReport) -> Report:

@@ -7,12 +7,11 @@ import numpy as np
 
 from bezier_filters.arrays import BoolArray, Report
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
-from bezier_filters.holes.adjacent_rows import adjacent_faces, nearest_rim_vertices
 from bezier_filters.holes.fill_methods import FillingMethod
-from bezier_filters.holes.selection_replacement import ReplacedPatch, ReplacementResult, replace_selection
-from bezier_filters.meshlab.hole_filter import describe_report
+from bezier_filters.holes.selection_replacement import ReplacedPatch, replace_selection
+from bezier_filters.meshlab.hole_filter import describe_report, growth_of
 from bezier_filters.meshlab.mesh_attributes import add_attribute, read_attributes
-from bezier_filters.meshlab.mesh_growth import MeshGrowth, StayingRows, grow_mesh
+from bezier_filters.meshlab.mesh_growth import grow_mesh
 from bezier_filters.meshlab.meshset import (
     BezierFilterError,
     CurrentMesh,
@@ -114,7 +113,7 @@ def meshing_replace_selection_by_bezier_patch(
     lost_attributes, textured = list[str](), False
     if result.replaced:
         with preserve_filter_script(ms):
-            lost_attributes, textured = grow_mesh(ms, _growth(result), select=newfaceselected)
+            lost_attributes, textured = grow_mesh(ms, growth_of(mesh, result), select=newfaceselected)
     written = time.perf_counter()
     before = topology_of(mesh.vertices, mesh.faces)
     after = topology_of(result.vertices, result.faces) if result.replaced else before
@@ -175,15 +174,6 @@ def _faces_where(ms: MeshSet, condition: str) -> BoolArray:
     if not selected.any():
         raise BezierFilterError(f"condselect: no face satisfies {condition!r}")
     return selected
-
-
-def _growth(result: ReplacementResult) -> MeshGrowth:
-    """New vertices and faces, the nearest old ones, and the rows that stay."""
-    n, m = len(result.old_vertices), len(result.old_faces)
-    old, new = result.faces[:m], result.faces[m:]
-    like_vertex, like_face = nearest_rim_vertices(result.vertices, new, n), adjacent_faces(result.vertices, old, new)
-    staying = StayingRows(result.old_vertices, result.old_faces)
-    return MeshGrowth(result.vertices[n:], new, like_vertex, like_face, staying)
 
 
 def _describe_patch(patch: ReplacedPatch) -> Report:

@@ -37,7 +37,7 @@ def test_every_filter_has_an_adapter():
 
 @pytest.mark.parametrize("name", LABELS)
 def test_all_parameters_are_there_but_those_of_meshsets(name):
-    of_meshsets = {parameter.name for parameter in (*COLORS, *DIRECTION, *RUN)} | {"quality", "repair"}
+    of_meshsets = {parameter.name for parameter in (*COLORS, *DIRECTION, *RUN)} | {"quality", "repair", "trim"}
     offered = [parameter.name for parameter in parameters_of(name)]
     assert offered == [parameter.name for parameter in PARAMETERS[name] if parameter.name not in of_meshsets]
 

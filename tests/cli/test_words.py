@@ -126,7 +126,7 @@ def test_a_mesh_that_is_coloured_cleaned_and_closed_keeps_its_colours_and_what_t
 def test_a_reason_of_a_filled_hole_is_what_was_tried_before(capsys):
     hole = {"edge_count": 9, "diameter": 0.1, "method": "flat", "new_faces": 7, "rim_dihedral": 9.0}
     reason = {"reason": "surface: 3 of its faces would cut others"}
-    report = {"repaired": None, "closed_holes": 1, "open_holes": 1, "new_faces": 7}
+    report = {"repaired": None, "closed_holes": 1, "open_holes": 1, "new_faces": 7, "trimmed_faces": 0}
     report["holes"] = [hole | reason | {"filled": True}, hole | reason | {"filled": False, "method": ""}]
     console.print_holes(report, "a.ply")
     shown = capsys.readouterr().out

@@ -10,7 +10,7 @@ from bezier_filters.holes.hole_report import HoleReport
 from bezier_filters.holes.influence_region import InfluenceRegion, influence_regions
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.meshes.prepared_mesh import prepare_mesh
-from bezier_filters.surfaces import block_with_sharp_edges
+from bezier_filters.surfaces import block_with_sharp_edges, sphere
 
 
 def without_faces_near(vertices: FloatArray, faces: IntArray, center: FloatArray, radius: float) -> IntArray:
@@ -81,3 +81,15 @@ def hole_around(vertices: FloatArray, faces: IntArray, rings: int = 2) -> Influe
     hole = next(h for h in find_holes(mesh) if not h.is_outer_rim)
     (region,) = influence_regions(mesh, [hole.loops], rings)
     return region
+
+
+def ball_with_rim(noise: float = 0.0, seed: int = 0) -> tuple[FloatArray, IntArray, float]:
+    """A ball with a hole on top, with noise of its rim, in edges and in all directions, that folds faces there."""
+    ball = sphere(resolution=24, jitter=0.1, seed=seed)
+    faces = ball.faces[~(ball.vertices[ball.faces][:, :, 2] > 0.85).any(axis=1)]
+    used = np.unique(faces)
+    vertices, faces = ball.vertices[used], np.searchsorted(used, faces).astype(np.int32)
+    rim = np.unique(border_edges(faces))
+    step = np.linalg.norm(vertices[faces[:, 0]] - vertices[faces[:, 1]], axis=1).mean()
+    vertices[rim] += noise * step * np.random.default_rng(seed).standard_normal((len(rim), 3))
+    return vertices, faces, float(step)
