@@ -49,7 +49,7 @@ class HoleFillingResult:
     Attributes
     ----------
     vertices : (n + added, 3) float64
-        The old vertices, unchanged and without those that only trimmed faces had, and the new ones after them.
+        The old vertices, unchanged and without the vertices of trimmed faces alone, and the new ones after.
     faces : (m + added, 3) int32
         The old faces, unchanged and without trimmed ones, and the new ones after them, with the orientation of the
         faces around them.

@@ -75,7 +75,7 @@ def _removable_faces(mesh: TriangleMesh, rims: Sequence[IntArray]) -> list[list[
 
 
 def _is_loose(mesh: TriangleMesh, faces: IntArray, goes: BoolArray) -> BoolArray:
-    """Which of the faces at a rim have no chain of common edges to the rest of the mesh without the marked faces, (k,)."""
+    """Which faces at a rim, (k,), have no chain of common edges to the rest of the mesh without the marked ones."""
     marked = np.zeros(mesh.vertex_count, dtype=np.bool_)
     marked[mesh.faces[faces]] = True
     around = faces_at(mesh.faces, marked)
