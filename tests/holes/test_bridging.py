@@ -26,7 +26,7 @@ NOTHING = np.empty((0, 2), dtype=np.int32)
 
 
 def without(vertices: FloatArray, faces: IntArray, values: FloatArray, width: float) -> IntArray:
-    """Faces without those that have a vertex where values are within a width of 0."""
+    """Faces at whose vertices no value is within a width of 0."""
     return faces[~(np.abs(values) < width)[faces].any(axis=1)]
 
 
