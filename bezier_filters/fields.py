@@ -8,7 +8,9 @@ if TYPE_CHECKING:
     from bezier_filters.arrays import FloatArray
 
 PREFIX = "bz_"
+AXES = "xyz"  # names of components of vectors
 QUALITY = "quality"  # column of the quality of a mesh
+NORMAL = PREFIX + "normal"  # array of the normals where vectors are arrays
 GRADE = PREFIX + "fit_grade"  # column of the grades of fits: see `FitStatus`
 # the filters that write fields, by their commands
 NORMALS, CURVATURE, TORSION, SMOOTH, CREASES = "normals", "curvature", "torsion", "smooth", "creases"
@@ -35,6 +37,11 @@ class Field:
         return PREFIX + self.name
 
     @property
+    def array(self) -> str:
+        """Name of the array in programs that know vectors, for example ``bz_direction_max``."""
+        return self.column if self.component is None else self.column.removesuffix(f"_{AXES[self.component]}")
+
+    @property
     def source(self) -> str:
         """Name of the attribute of the result."""
         return self.attribute or self.name
@@ -56,7 +63,7 @@ def _vector(
             component=k,
             remark=remark,
         )
-        for k, axis in enumerate("xyz")
+        for k, axis in enumerate(AXES)
     ]
 
 

@@ -6,14 +6,13 @@ others in parallel.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
-from bezier_filters.display import html_table
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.holes.fill_choice import FaceSet
 from bezier_filters.holes.fill_methods import (
@@ -29,11 +28,13 @@ from bezier_filters.holes.hole_detection import HoleChoice, find_holes
 from bezier_filters.holes.hole_report import HoleReport
 from bezier_filters.holes.influence_region import hole_surroundings, influence_regions
 from bezier_filters.holes.planar_fill import Correction
-from bezier_filters.meshes.mesh import check_selection, takes_arrays, triangle_mesh
+from bezier_filters.meshes.mesh import check_selection, takes_meshes, triangle_mesh
+from bezier_filters.meshes.mesh_objects import MeshLike
 from bezier_filters.meshes.prepared_mesh import prepare_mesh
 from bezier_filters.meshes.self_intersections import faces_in_boxes
 from bezier_filters.meshes.unit_size import LENGTH, normalizes_size
 from bezier_filters.patches.patch_fit import PatchFit
+from bezier_filters.result_tables import Table, TabularResult
 from bezier_filters.runtime.parallel import Progress, report, run_kernel, runs_on_threads
 from bezier_filters.surface_model.fit_options import check_noise
 
@@ -41,8 +42,19 @@ if TYPE_CHECKING:
     from bezier_filters import Page
 
 
+class _HoleCounts:
+    """What follows from the reports of holes; fields of a `HoleFillingResult` of these names."""
+
+    holes: tuple[HoleReport, ...]
+
+    @property
+    def filled(self) -> int:
+        """Number of holes that were filled."""
+        return sum(hole.filled for hole in self.holes)
+
+
 @dataclass(frozen=True, repr=False)
-class HoleFillingResult:
+class HoleFillingResult(_HoleCounts, TabularResult):
     """A mesh with filled holes.
 
     Attributes
@@ -56,17 +68,15 @@ class HoleFillingResult:
     noise : float or None
         Standard deviation of the noise along the normal that the fills assume, a length; None if it could not be
         estimated.
+    filled : int
+        Derived: number of holes that were filled.
     """
 
     vertices: FloatArray = field(metadata=LENGTH)
     faces: IntArray
     holes: tuple[HoleReport, ...]
     noise: float | None = field(metadata=LENGTH)
-
-    @property
-    def filled(self) -> int:
-        """Number of holes that were filled."""
-        return sum(hole.filled for hole in self.holes)
+    filled: int = field(init=False)
 
     def show(self) -> "Page":
         """Show the mesh before and after in a notebook, as `bezier_filters.show` does."""
@@ -83,8 +93,7 @@ class HoleFillingResult:
             f"{self.filled} of {len(self.holes)} holes filled)"
         )
 
-    def _repr_html_(self) -> str:
-        """Table of the holes for notebooks."""
+    def _tables(self) -> list[Table]:
         header = ["edges", "diameter [length]", "fill", "new faces", "rim angle [degrees]", "remarks"]
         rows = [
             [
@@ -97,15 +106,22 @@ class HoleFillingResult:
             ]
             for hole in self.holes
         ]
-        return html_table(f"{self.filled:,} of {len(self.holes):,} holes filled", header, rows)
+        return [Table(f"{self.filled:,} of {len(self.holes):,} holes filled", header, rows)]
+
+    def _columns(self) -> dict[str, list[object]]:
+        """A row for each hole; of vertices, faces and edges their number."""
+        names = [entry.name for entry in fields(HoleReport)]
+        values = {name: [getattr(hole, name) for hole in self.holes] for name in names}
+        counted = ("rim", "creases", "new_vertices", "new_faces")
+        return values | {name: [len(value) for value in values[name]] for name in counted}
 
 
-@takes_arrays
+@takes_meshes
 @normalizes_size("max_perimeter", "max_diameter", "noise")
 @runs_on_threads
 def fill_holes(
-    vertices: ArrayLike,
-    faces: ArrayLike,
+    vertices: ArrayLike | MeshLike,
+    faces: ArrayLike | None = None,
     method: FillingMethod = "auto",
     *,
     max_edges: int | None = None,
@@ -144,8 +160,8 @@ def fill_holes(
 
     Parameters
     ----------
-    vertices : (n, 3) array_like of float
-        Coordinates.
+    vertices : (n, 3) array_like of float, or mesh object
+        Coordinates; or a mesh of another library, see `mesh_arrays`, and no faces.
     faces : (m, 3) array_like of int
         Triangles, counter-clockwise seen from outside.
     method : {"auto", "surface", "flat", "paper"}

@@ -15,9 +15,11 @@ errors
 arrays
 arguments
 fields
+field_arrays
 parameters
 status
 display
+result_tables
 runtime
 differential_geometry
 patches
