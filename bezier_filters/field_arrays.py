@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bezier_filters.fields import AXES, PREFIX, fields_of
+from bezier_filters.fields import AXES, FIELDS, PREFIX, fields_of
+
+_INTEGERS = frozenset(field.column for field in FIELDS if field.integer)
 
 
 def result_arrays(result: object, *filters: str) -> dict[str, NDArray[Any]]:
@@ -37,6 +39,8 @@ def split_vectors(arrays: Mapping[str, ArrayLike]) -> dict[str, NDArray[Any]]:
 def join_vectors(columns: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
     """Arrays of columns: three whose names begin with ``bz_`` and end in _x, _y and _z make a vector (n, 3).
 
+    Codes and counts become integers.
+
     >>> join_vectors({"bz_d_x": np.array([0.0]), "bz_d_y": np.array([1.0]), "bz_d_z": np.array([2.0])})
     {'bz_d': array([[0., 1., 2.]])}
     """
@@ -48,5 +52,5 @@ def join_vectors(columns: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]
             if stem not in arrays:
                 arrays[stem] = np.stack([columns[part] for part in parts], axis=1)
         else:
-            arrays[name] = values
+            arrays[name] = values.astype(np.int32) if name in _INTEGERS else values
     return arrays

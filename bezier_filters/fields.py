@@ -29,6 +29,7 @@ class Field:
     quality: str = ""  # word by which users make it the quality of a mesh; empty where they cannot
     attribute: str | None = ""  # attribute of the result, if named differently; None if the filter computes the values
     component: int | None = None  # component of the vectors in the result
+    integer: bool = False  # whether the values are codes or counts
     remark: str = ""  # additional text in documents
 
     @property
@@ -137,8 +138,15 @@ FIELDS = (
     Field("geodesic_torsion", "principal geodesic torsion", "1/length", (TORSION,), quality="torsion"),
     *_vector("torsion_direction_plus", "direction of +t_max", (TORSION,), remark=_ANY_SIGN),
     *_vector("torsion_direction_minus", "direction of -t_max", (TORSION,), remark=_ANY_SIGN),
-    Field("fit_grade", "grade of the fit", "", ESTIMATES, remark="9 fitted as asked, 0 not at all, see `FitStatus`"),
-    Field("rings_used", "rings", "edges", ESTIMATES, remark="how far the neighbourhood goes"),
+    Field(
+        "fit_grade",
+        "grade of the fit",
+        "",
+        ESTIMATES,
+        integer=True,
+        remark="9 fitted as asked, 0 not at all, see `FitStatus`",
+    ),
+    Field("rings_used", "rings", "edges", ESTIMATES, integer=True, remark="how far the neighbourhood goes"),
     Field("residual", "residual", "length", ESTIMATES, remark="weighted RMS height of the points over the patch"),
     Field("displacement", "displacement", "length", (SMOOTH,), quality="displacement", remark="how far it moved"),
     Field(
@@ -151,6 +159,7 @@ FIELDS = (
         (CREASES,),
         signed=True,
         attribute=None,
+        integer=True,
         remark="0 where none was found, 1 at a ridge, -1 at a ravine, 2 and -2 at sharp edges of these kinds",
     ),
     Field("crease_strength", "strength of creases", "radii of curvature", (CREASES,), attribute=None),
