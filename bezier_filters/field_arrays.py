@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bezier_filters.fields import AXES, FIELDS, PREFIX, fields_of
+from bezier_filters.fields import AXES, FIELDS, NORMAL_COLUMNS, PREFIX, QUALITY, fields_of
 
 _INTEGERS = frozenset(field.column for field in FIELDS if field.integer)
+_SINGLE = np.finfo(np.float32)
 
 
 def result_arrays(result: object, *filters: str) -> dict[str, NDArray[Any]]:
@@ -54,3 +55,38 @@ def join_vectors(columns: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]
         else:
             arrays[name] = values.astype(np.int32) if name in _INTEGERS else values
     return arrays
+
+
+def shrink(name: str, values: NDArray[Any], columns: Mapping[str, NDArray[Any]]) -> NDArray[Any]:
+    """A column (n,), or vectors (n, 3), in the smallest type that holds it, given all scalar columns by name.
+
+    Estimates and normals are rounded to single precision, 6e-8 of each value, and so is a quality that is one of the
+    estimates: their standard errors are larger. Other numbers stay in double precision unless single holds them.
+
+    >>> shrink("bz_fit_grade", np.array([9.0, 3.0]), {}).dtype, shrink("x", np.array([0.1]), {}).dtype
+    (dtype('uint8'), dtype('float64'))
+    """
+    if name in _INTEGERS or values.dtype.kind in "iu":
+        return _shrink_integers(values)
+    if values.dtype != np.float64:
+        return values
+    is_estimate = name.startswith(PREFIX) or name in NORMAL_COLUMNS
+    if name == QUALITY:
+        is_estimate = any(
+            np.array_equal(values, other) for key, other in columns.items() if key.startswith(PREFIX) and key != name
+        )
+    size = np.abs(values[(values != 0.0) & np.isfinite(values)])
+    if is_estimate and (not size.size or (_SINGLE.tiny <= size.min() and size.max() <= _SINGLE.max)):
+        return values.astype(np.float32)
+    with np.errstate(over="ignore", under="ignore"):
+        single = values.astype(np.float32)
+    return single if np.array_equal(single, values, equal_nan=True) else values
+
+
+def _shrink_integers(values: NDArray[Any]) -> NDArray[Any]:
+    for kind in (np.uint8, np.int8, np.uint16, np.int16, np.int32):
+        with np.errstate(invalid="ignore"):
+            small = values.astype(kind)
+        if np.array_equal(small, values):
+            return small
+    return values

@@ -9,6 +9,7 @@ if TYPE_CHECKING:
 
 PREFIX = "bz_"
 AXES = "xyz"  # names of components of vectors
+NORMAL_COLUMNS = ("nx", "ny", "nz")  # columns of the normals of a mesh
 QUALITY = "quality"  # column of the quality of a mesh
 NORMAL = PREFIX + "normal"  # array of the normals where vectors are arrays
 GRADE = PREFIX + "fit_grade"  # column of the grades of fits: see `FitStatus`

@@ -5,6 +5,7 @@ from dataclasses import dataclass, fields, is_dataclass
 from typing import TYPE_CHECKING, Any, cast
 
 from bezier_filters.display import cell_text, html_table
+from bezier_filters.runtime.extras import import_extra
 
 if TYPE_CHECKING:
     import pandas
@@ -57,11 +58,8 @@ class TabularResult:
         ImportError
             If pandas is missing.
         """
-        try:
-            import pandas
-        except ImportError as error:
-            raise ImportError(f"pandas is missing: pip install pandas ({error})") from error
-        return pandas.DataFrame(dict(self._columns()))
+        library: Any = import_extra("pandas")
+        return cast("pandas.DataFrame", library.DataFrame(dict(self._columns())))
 
     def __str__(self) -> str:
         """Tables of the most important numbers."""

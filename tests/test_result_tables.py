@@ -72,5 +72,5 @@ def test_data_frames_have_a_row_for_each_vertex_hole_or_line():
 
 def test_pandas_is_named_if_it_is_missing(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "pandas", None)
-    with pytest.raises(ImportError, match="pandas is missing: pip install pandas"):
+    with pytest.raises(ImportError, match=r"pandas is missing: pip install .*\[convert\]"):
         GEOMETRY.to_pandas()

@@ -61,7 +61,8 @@ _CONNECTIVITY_WORDS = frozenset(
 )
 _IGNORED_CELLS = ("vertex", "line")  # cell types of meshio without faces
 
-_SURFACE_CELLS = (5, 7, 9)  # VTK's numbers of triangles, polygons and quads, which are stored alike
+# VTK's numbers of triangles, polygons and quads, which are stored alike, and of single points
+_SURFACE_CELLS, _POINT_CELL = (5, 7, 9), 1
 Pair = tuple[Any, Any]  # vertices and faces, not checked; no faces are None
 
 
@@ -273,15 +274,15 @@ def _read_vtk(mesh: Any) -> Pair:
 
 
 def _polygons_of_grid(grid: Any) -> Any:
-    """A vtkPolyData with the polygons of an unstructured grid, as files hold it; None if it has other cells."""
+    """A vtkPolyData with the polygons or points of an unstructured grid; None if it has other cells, or both."""
     from vtkmodules.vtkCommonDataModel import vtkPolyData
 
     kinds = {grid.GetCellType(k) for k in range(grid.GetNumberOfCells())}
-    if not kinds.issubset(_SURFACE_CELLS):
-        return None
     surface = vtkPolyData()
     surface.SetPoints(grid.GetPoints())
-    if kinds:
+    if kinds and kinds != {_POINT_CELL}:
+        if not kinds.issubset(_SURFACE_CELLS):
+            return None
         surface.SetPolys(grid.GetCells())
     return surface
 

@@ -13,6 +13,7 @@ from bezier_filters.fields import ESTIMATES, NORMAL, SMOOTH
 from bezier_filters.fitting.vertex_geometry import VertexGeometry
 from bezier_filters.meshes.mesh import surface_or_points, takes_meshes
 from bezier_filters.meshes.mesh_objects import MeshLike, arrays_of_object
+from bezier_filters.runtime.extras import import_extra
 from bezier_filters.smoothing.smooth import SmoothingResult
 
 if TYPE_CHECKING:
@@ -60,7 +61,7 @@ def to_pyvista(
     >>> bool((mesh["bz_mean_curvature"] == g.mean_curvature).all())
     True
     """
-    library = _library("pyvista")
+    library = import_extra("pyvista")
     mesh = surface_or_points(vertices, faces)
     if mesh.face_count:
         result: Any = library.PolyData.from_regular_faces(mesh.vertices.copy(), mesh.faces.copy())
@@ -105,7 +106,7 @@ def to_trimesh(
     >>> bool((mesh.vertex_attributes["bz_k_max"] == g.k_max).all())
     True
     """
-    library = _library("trimesh")
+    library = import_extra("trimesh")
     mesh = surface_or_points(vertices, faces)
     columns = _columns(fields, mesh.vertex_count)
     normals = fields.normals.copy() if isinstance(fields, VertexGeometry) else None
@@ -144,7 +145,7 @@ def to_open3d(
     >>> mesh = bf.to_open3d(shape, geometry)  # doctest: +SKIP
     >>> mesh.vertex["bz_k_max"].numpy()  # doctest: +SKIP
     """
-    library = _library("open3d")
+    library = import_extra("open3d", "open3d")
     mesh = surface_or_points(vertices, faces)
     tensor = library.core.Tensor
     if mesh.face_count:
@@ -217,13 +218,3 @@ def _columns(fields: Fields, n: int) -> dict[str, NDArray[Any]]:
                 f"fields: {name!r} has the shape {values.shape}, expected {n} rows, one for each vertex"
             )
     return columns
-
-
-def _library(name: str) -> Any:
-    from importlib import import_module
-
-    try:
-        return import_module(name)
-    except ImportError as error:
-        what = name if name == "open3d" else '"bezier-filters[convert]"'  # Open3D takes 900 MB
-        raise ImportError(f"{name} is missing: pip install {what} ({error})") from error

@@ -19,8 +19,8 @@ field_arrays
 parameters
 status
 display
-result_tables
 runtime
+result_tables
 differential_geometry
 patches
 surfaces
