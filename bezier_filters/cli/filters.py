@@ -185,7 +185,7 @@ def creases(
     target: Annotated[
         Path,
         typer.Argument(
-            help="Lines to write, a PLY or OBJ file, or - for the standard output.",
+            help="Lines to write, a PLY, OBJ or VTP file, or - for the standard output.",
             metavar="LINES.ply",
             parser=parse_path,
             callback=pipe_callback(".ply"),

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from bezier_filters.arrays import IntArray
 from bezier_filters.errors import FieldFileError, InvalidMeshError
 from bezier_filters.field_arrays import split_vectors
 from bezier_filters.fields import NORMAL, PREFIX, QUALITY
@@ -19,10 +20,25 @@ _READERS = {".vtp": "vtkXMLPolyDataReader", ".vtu": "vtkXMLUnstructuredGridReade
 
 
 def _write_vtk(path: Path, data: MeshData) -> None:
-    """Write a surface, or points; the fitted normals are the active ones, if there are any."""
+    """Write a surface, or points."""
+    path.write_text(vtk_text(data, is_grid=path.suffix.lower() == ".vtu"), encoding="ascii")
+
+
+def vtk_text(data: MeshData, *, is_grid: bool, edges: IntArray | None = None) -> str:
+    """Text of a VTP file, or as a grid of a VTU file, with faces, edges (e, 2) or points.
+
+    The fitted normals are the active ones, if there are any.
+    """
     pyvista = import_extra("pyvista")
+    from vtkmodules import vtkIOXML
+
     vertices, faces = data.vertices, data.faces
-    mesh = pyvista.PolyData.from_regular_faces(vertices, faces) if len(faces) else pyvista.PolyData(vertices)
+    if edges is not None:
+        mesh = pyvista.PolyData(vertices, lines=np.insert(edges, 0, 2, axis=1).ravel())
+    elif len(faces):
+        mesh = pyvista.PolyData.from_regular_faces(vertices, faces)
+    else:
+        mesh = pyvista.PolyData(vertices)
     for name, values in data.fields.items():
         mesh.point_data[name] = values
     if NORMAL not in data.fields and data.normals is not None:
@@ -32,15 +48,12 @@ def _write_vtk(path: Path, data: MeshData) -> None:
         mesh.point_data.active_scalars_name = QUALITY
     if data.colors is not None:
         mesh.GetPointData().AddArray(pyvista.convert_array(data.colors, name=_COLORS))  # without being active
-    from vtkmodules import vtkIOXML
-
-    is_grid = path.suffix.lower() == ".vtu"
     writer: Any = vtkIOXML.vtkXMLUnstructuredGridWriter() if is_grid else vtkIOXML.vtkXMLPolyDataWriter()
     writer.SetInputData(mesh.cast_to_unstructured_grid() if is_grid else mesh)
     writer.SetEncodeAppendedData(True)  # as ASCII
     writer.SetWriteToOutputString(True)  # VTK crashes where a disk is full
     writer.Write()
-    path.write_text(writer.GetOutputString(), encoding="ascii")
+    return str(writer.GetOutputString())
 
 
 def _read_vtk(path: Path) -> MeshData:

@@ -3,10 +3,12 @@
 import subprocess
 import sys
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pymeshlab
 import pytest
+from command_line import run
 
 import bezier_filters as bf
 from bezier_filters.errors import MeshFileNote
@@ -17,6 +19,7 @@ from bezier_filters.surfaces import torus
 
 pytest.importorskip("pyvista")
 pytest.importorskip("trimesh")
+SAMPLES = Path(__file__).parents[2] / "sample_meshes"
 SHAPE = torus(resolution=16)
 GEOMETRY = bf.estimate_vertex_geometry(SHAPE, rings=2, alpha=0.9)
 FIELDS = result_arrays(GEOMETRY, CURVATURE)
@@ -326,23 +329,41 @@ def test_every_cut_file_is_refused_or_read(curved, tmp_path):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no limit on the size of files")
-@pytest.mark.parametrize("suffix", [suffix[1:] for suffix in WRITERS])
-def test_a_full_disk_leaves_the_old_file(tmp_path, suffix):
+def test_a_full_disk_leaves_the_old_files(tmp_path):
     code = (
         "import resource, signal, sys; signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
-        "import pymeshlab, bezier_filters as bf\n"
+        "import pymeshlab, pyvista, trimesh, bezier_filters as bf\n"
         "from bezier_filters.surfaces import torus\n"
         "ms = pymeshlab.MeshSet()\n"
         "ms.add_mesh(pymeshlab.Mesh(torus(resolution=40).vertices, torus(resolution=40).faces))\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (8192, 8192))\n"
-        "try: bf.save_mesh(ms, sys.argv[1])\n"
-        "except bf.BezierFilterError as error: print(error)\n"
+        "for path in sys.argv[1:]:\n"
+        "    try: bf.save_mesh(ms, path, compact=True)\n"
+        "    except bf.BezierFilterError as error: print(error)\n"
     )
-    path = tmp_path / f"a.{suffix}"
-    path.write_text("old")
-    done = subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=True)
-    assert "cannot write" in done.stdout
-    assert [(each.name, each.read_text()) for each in tmp_path.iterdir()] == [(path.name, "old")]
+    paths = [tmp_path / f"a{suffix}" for suffix in (*WRITERS, ".ply")]
+    for path in paths:
+        path.write_text("old")
+    done = subprocess.run([sys.executable, "-c", code, *map(str, paths)], capture_output=True, text=True, check=True)
+    assert done.stdout.count("cannot write") == len(paths)
+    assert {each.name: each.read_text() for each in tmp_path.iterdir()} == {path.name: "old" for path in paths}
+
+
+def test_commands_write_and_read_the_formats(tmp_path):
+    """Creases as lines, a batch, and a picture."""
+    import pyvista
+
+    block = SAMPLES / "block.ply"
+    assert run("creases", block, tmp_path / "lines.vtp").returncode == 0
+    lines = pyvista.read(tmp_path / "lines.vtp")
+    assert lines.n_lines > 0
+    assert lines.active_scalars_name == "quality"
+    assert run("batch", "curvature", block, "--out", tmp_path, "--suffix", ".vtp").returncode == 0
+    assert len(pyvista.read(tmp_path / "block.vtp").point_data["bz_direction_max"].T) == 3
+    shown = run("render", tmp_path / "block.vtp", tmp_path / "block.png", "--field", "bz_k_max")
+    assert (shown.returncode, (tmp_path / "block.png").exists()) == (0, True)
+    done = run("smooth", tmp_path / "block.vtp", tmp_path / "block.stl")
+    assert done.returncode == 0, done.stderr
 
 
 def test_formats_have_readers():
