@@ -17,9 +17,14 @@ from .files.filter_scripts import read_filter_script as read_filter_script
 from .files.filter_scripts import save_filter_script as save_filter_script
 from .fitting.vertex_geometry import VertexGeometry as VertexGeometry
 from .fitting.vertex_patch import vertex_patch as vertex_patch
+from .holes.bridging import BridgingResult as BridgingResult
+from .holes.bridging import bridge_holes as bridge_holes
 from .holes.hole_filling import HoleFillingResult as HoleFillingResult
 from .holes.hole_filling import fill_holes as fill_holes
 from .holes.hole_report import HoleReport as HoleReport
+from .holes.selection_replacement import ReplacedPatch as ReplacedPatch
+from .holes.selection_replacement import ReplacementResult as ReplacementResult
+from .holes.selection_replacement import replace_selection as replace_selection
 from .meshes.adjacency import Adjacency as Adjacency
 from .meshes.adjacency import Rows as Rows
 from .meshes.adjacency import vertex_adjacency as vertex_adjacency
@@ -30,6 +35,7 @@ from .meshes.half_edges import boundary_loops as boundary_loops
 from .meshes.mesh import TriangleMesh as TriangleMesh
 from .meshes.mesh import triangle_mesh as triangle_mesh
 from .meshes.neighbourhoods import k_rings as k_rings
+from .meshlab.bridge_filter import meshing_bridge_holes_by_bezier_patch as meshing_bridge_holes_by_bezier_patch
 from .meshlab.converters import mesh_arrays as mesh_arrays
 from .meshlab.converters import to_open3d as to_open3d
 from .meshlab.converters import to_pyvista as to_pyvista
@@ -45,6 +51,9 @@ from .meshlab.mesh_files import save_mesh as save_mesh
 from .meshlab.meshset import BezierFilterError as BezierFilterError
 from .meshlab.registration import register as register
 from .meshlab.registration import unregister as unregister
+from .meshlab.replacement_filter import (
+    meshing_replace_selection_by_bezier_patch as meshing_replace_selection_by_bezier_patch,
+)
 from .meshlab.scripts import StepReport as StepReport
 from .meshlab.scripts import run_filter_script as run_filter_script
 from .meshlab.scripts import script_step as script_step

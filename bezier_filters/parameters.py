@@ -186,6 +186,26 @@ refine : bool, default True
     Give patches new vertices, so that triangles are as large as those around; may be False for the paper's method.
     Then a patch is the Delaunay triangulation of its rim alone, as in the paper.
 """)
+_FILLED = {parameter.name: parameter for parameter in FILLING}
+REPLACEMENT = (
+    *parameters("""
+condselect : str, optional
+    Faces to replace, a condition in MeshLab's syntax: 'z0 > 1 && z1 > 1 && z2 > 1'; the selected ones if left out.
+    The syntax is that of ``compute_selection_by_condition_per_face``; the selection of the mesh does not change.
+rings : int, default 0
+    Rings of faces around these that are replaced, too, such as the foot of a bump.
+"""),
+    *(_FILLED[name] for name in ("method", "intersecting", "creases", "noise")),
+)
+BRIDGES = (
+    *parameters("""
+pairs : str, default "auto"
+    auto (holes that face each other across a narrow gap), or pairs of numbers of holes: '0 1, 2 3'.
+    The report lists the holes in the order of their numbers, with their centres. A gap is narrow if every vertex of
+    each rim is within five edges of the other one.
+"""),
+    *(_FILLED[name] for name in ("intersecting", "noise")),
+)
 LINES = parameters("""
 angle : float, default 40.0
     Angle between faces in degrees, from which on an edge may be sharp.
@@ -227,6 +247,8 @@ PARAMETERS = {
     TORSION: (*FIT, *REPAIR, *COLORS, *RUN),
     SMOOTH: (*SMOOTHING, *REPAIR, QUALITY_OF[SMOOTH], *COLORS, *RUN),
     "fill-holes": (*FILLING, *REPAIR, *RUN),
+    "replace": (*REPLACEMENT, *RUN),
+    "bridge": (*BRIDGES, *RUN),
     CREASES: (*LINES, *FIT, *RUN),
 }
 _ESTIMATED = """\

@@ -28,6 +28,7 @@ def compile_kernels() -> None:
         bf.fill_holes(vertices, faces, method)
     block, sides = block_with_sharp_edges(resolution=8)
     bf.fill_holes(block, without_faces_near(block, sides, np.array([-0.5, -0.5, 0.0]), 0.2))
+    bf.bridge_holes(vertices, faces, [(0, 1)])
     bf.find_creases(block, sides)
     razdan_bae(vertices, faces)
     ouyang_feng_normals(vertices, faces)

@@ -14,7 +14,8 @@ GEOMETRY = bf.estimate_vertex_geometry(SHAPE, rings=2, alpha=0.99)
 SMOOTHED = bf.smooth(SHAPE, "paper")
 FILLED = bf.fill_holes(SHAPE.vertices, SHAPE.faces[6:])
 CREASES = bf.find_creases(*block_with_sharp_edges(resolution=6))
-RESULTS = [GEOMETRY, SMOOTHED, FILLED, CREASES]
+REPLACED = bf.replace_selection(SHAPE, np.arange(len(SHAPE.faces)) < 6)
+RESULTS = [GEOMETRY, SMOOTHED, FILLED, CREASES, REPLACED]
 
 
 def test_text_is_a_short_table():
@@ -36,6 +37,7 @@ def test_derived_values_are_fields():
     np.testing.assert_array_equal(values["fit_grade"], 9 - GEOMETRY.status)
     assert dataclasses.asdict(SMOOTHED)["max_displacement"] == SMOOTHED.displacement.max()
     assert dataclasses.asdict(FILLED)["filled"] == len(FILLED.holes) == 1
+    assert dataclasses.asdict(REPLACED)["replaced"] == len(REPLACED.patches) == 1
     assert dataclasses.asdict(CREASES.lines[0])["length"] == CREASES.lines[0].length > 0
 
 
@@ -65,6 +67,9 @@ def test_data_frames_have_a_row_for_each_vertex_hole_or_line():
     assert moved["outliers"].dtype == bool
     holes = FILLED.to_pandas()
     assert holes.loc[0, "new_faces"] == len(FILLED.faces) - len(SHAPE.faces) + 6
+    patches = REPLACED.to_pandas()
+    assert patches.loc[0, "old_faces"] == 6
+    assert patches.loc[0, "removed_volume"] == REPLACED.patches[0].removed_volume
     lines = CREASES.to_pandas()
     assert len(lines) == len(CREASES.lines)
     assert lines["length"].sum() == pytest.approx(sum(line.length for line in CREASES.lines))

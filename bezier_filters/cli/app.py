@@ -267,6 +267,7 @@ def size_in_bytes(text: str) -> int:
 # options whose names are not those of the parameters
 _NAMES = {
     "colorrange": "range",
+    "condselect": "where",
     "keepvolume": "keep-volume",
     "maxholesize": "max-edges",
     "maxperimeter": "max-perimeter",

@@ -47,7 +47,10 @@ class Item:
 @app.command(epilog="Example: bezier-filters batch curvature 'scans/*.ply' --out curved --options '--quality gaussian'")
 def batch(
     command: Annotated[
-        str, typer.Argument(help="normals, curvature, torsion, smooth, fill-holes or creases.", metavar="COMMAND")
+        str,
+        typer.Argument(
+            help="normals, curvature, torsion, smooth, fill-holes, replace, bridge or creases.", metavar="COMMAND"
+        ),
     ],
     sources: Annotated[
         list[str], typer.Argument(help="Files, or patterns in quotes; ** is any depth of folders.", metavar="FILES")

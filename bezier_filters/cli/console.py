@@ -30,6 +30,7 @@ FILLS = {
     "creases": "smooth between sharp edges, which go on through the hole",
     "variational": "bent as little as the rim allows, where no surface was found to go on",
     "flat": "in the plane of the rim, where the surface ends in it; else a membrane, where nothing smoother fits",
+    "straight": "on the straight band between two rims, where the surface ends at an angle",
     "paper": "on bicubic patches over the plane of the hole",
 }
 
@@ -206,6 +207,56 @@ def print_holes(report: Report, source: str) -> None:
         out().print(f"  {others:,} of them by another method than the paper's, which does not work there")
 
 
+def print_replacements(report: Report, source: str) -> None:
+    """Print what was removed of the parts of a selection."""
+    from rich.padding import Padding
+
+    out().print(f"[bold]{escape(source)}[/]")
+    out().print("    faces  volume removed  height removed  fill         new faces", markup=False)
+    for patch in sorted(report["patches"], key=lambda patch: -patch["old_faces"])[:MAX_LISTED_HOLES]:
+        hole = patch["hole"]
+        measures = f"{patch['removed_volume']:>14.4g}  {patch['removed_height']:>14.4g}" if patch["replaced"] else ""
+        fill = f"{hole['method'] or 'left as is':<11}  {hole['new_faces']:>9,}"
+        out().print(f"{patch['old_faces']:>9,}  {measures:<30}  {fill}", markup=False)
+        if hole["reason"]:
+            remark = "tried before: " * patch["replaced"] + shell_remark(hole["reason"])
+            out().print(Padding(escape(remark), (0, 2, 0, 11), expand=False), soft_wrap=False)
+    if len(report["patches"]) > MAX_LISTED_HOLES:
+        out().print(f"  and {len(report['patches']) - MAX_LISTED_HOLES:,} smaller ones")
+    out().print(
+        f"  {report['replaced_patches']:,} replaced, {report['removed_faces']:,} faces by {report['new_faces']:,}; "
+        f"{report['kept_patches']:,} left as they were; volume removed {report['removed_volume']:.4g}"
+    )
+
+
+def print_bridges(report: Report, source: str) -> None:
+    """Print which holes there were, and how pairs of them were joined."""
+    from rich.padding import Padding
+
+    bands = {number: band for band in report["bands"] for number in band["pair"]}
+    out().print(f"[bold]{escape(source)}[/]")
+    out().print("    hole      edges  diameter [length]  joined to  by           center", markup=False)
+    for number, hole in enumerate(report["holes"][:MAX_LISTED_HOLES]):
+        band, joined = bands.get(number), ""
+        if band is not None:
+            (other,) = (k for k in band["pair"] if k != number)
+            joined = f"{other:>9,}  {band['method'] or 'not joined':<11}"
+        center = ", ".join(f"{x:.3g}" for x in hole["center"])
+        out().print(
+            f"{number:>8,}  {hole['edge_count']:>9,}  {hole['diameter']:>17.3g}  {joined:<22}  {center}", markup=False
+        )
+    if len(report["holes"]) > MAX_LISTED_HOLES:
+        out().print(f"  and {len(report['holes']) - MAX_LISTED_HOLES:,} more")
+    for band in report["bands"]:
+        if band["reason"]:
+            remark = f"{band['pair'][0]} and {band['pair'][1]}: {shell_remark(band['reason'])}"
+            out().print(Padding(escape(remark), (0, 2, 0, 4), expand=False), soft_wrap=False)
+    out().print(
+        f"  {report['bridged_pairs']:,} pairs joined with {report['new_faces']:,} faces, "
+        f"{report['open_pairs']:,} left open"
+    )
+
+
 def print_creases(report: Report, source: str) -> None:
     """Print number, length and strength of the lines of each kind."""
     out().print(f"[bold]{escape(source)}[/]")
@@ -265,6 +316,10 @@ def _numbers(report: Report) -> str:
         return f"{len(report['lines']):,} lines, {report['sharp_edges']:,} sharp edges"
     if "closed_holes" in report:
         return f"{report['closed_holes']:,} holes filled, {report['open_holes']:,} left open"
+    if "bridged_pairs" in report:
+        return f"{report['bridged_pairs']:,} pairs of holes joined, {report['open_pairs']:,} left open"
+    if "replaced_patches" in report:
+        return f"{report['replaced_patches']:,} patches replaced, {report['kept_patches']:,} left as they were"
     if "noise_before" in report:
         return _noise_change(report)
     if report.get("statistics"):

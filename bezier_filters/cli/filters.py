@@ -178,6 +178,31 @@ def fill_holes() -> None:
     """
 
 
+@filter_command(
+    "replace", "meshing_replace_selection_by_bezier_patch", verb="replacing", show=console.print_replacements
+)
+def replace_faces() -> None:
+    """Replace selected faces by the continuation of their surroundings: a bump, a scar, the mark of a support.
+
+    The faces satisfy a condition, or are selected in the file: MeshLab saves the selection in PLY files, as flags.
+    The report has the volume and the height that were removed. A part of the selection that cannot be replaced stays
+    as it is, and the report says why.
+
+    Example: bezier-filters replace scan.ply clean.ply --where 'abs(x0) < 0.1 && abs(y0) < 0.1'
+    """
+
+
+@filter_command("bridge", "meshing_bridge_holes_by_bezier_patch", verb="bridging", show=console.print_bridges)
+def bridge() -> None:
+    """Join pairs of holes by bands: a gap around a tube, two halves of a body, the missing wall of a bolt hole.
+
+    A band continues the surface on both sides, and is straight where the surface ends at an angle. All other holes stay
+    open. The report lists the holes with the numbers that --pairs takes, such as '1 2, 3 4'.
+
+    Example: bezier-filters bridge scan.ply joined.ply
+    """
+
+
 @app.command(epilog="Example: bezier-filters creases scan.ply lines.ply --picture creases.png")
 @options(*PARAMETERS["creases"])
 def creases(

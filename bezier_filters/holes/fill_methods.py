@@ -7,13 +7,15 @@ To add a method, write a function of a `HoleTask` and add it to `FILL_METHODS`.
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.errors import InvalidParameterError
+from bezier_filters.holes.band_fill import straight_attempts
 from bezier_filters.holes.crease_fill import crease_attempts
 from bezier_filters.holes.fill_choice import FaceSet, FillPlace, choose_attempt, face_set
 from bezier_filters.holes.hole import Hole
@@ -26,11 +28,42 @@ from bezier_filters.holes.smooth_fill import Attempt, membrane_attempts, smooth_
 from bezier_filters.meshes.adjacency import Rows
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.self_intersections import faces_in_boxes
+from bezier_filters.patches.patch_fit import PatchFit
 from bezier_filters.runtime.cached_property import cached_property
 
 FillingMethod = Literal["auto", "surface", "flat", "paper"]
 
+DEFAULT_WEIGHT = 0.8  # of the points of the paper's patches against their smoothness
 MAX_BULGE = 0.5  # of a fill beyond the bounding box of its rim, in diameters of the hole
+
+
+@dataclass(frozen=True)
+class FillOptions:
+    """Options of the filling methods; InvalidParameterError if a value is out of range."""
+
+    method: FillingMethod = "auto"
+    creases: bool = True  # whether creases are continued
+    intersecting: bool = False  # whether the least intersecting fill is used if all fills intersect other faces
+    # for ``"paper"``
+    alpha: float | None = None  # weight of the points
+    correction: Correction = "harmonic"  # displacement that makes patches pass through the rim
+    refine: bool = True  # whether the patch gets new vertices inside the rim
+
+    def __post_init__(self) -> None:
+        if self.method not in FILL_METHODS:
+            raise InvalidParameterError(f"method: got {self.method!r}, expected one of {tuple(FILL_METHODS)}")
+        if self.method != "paper" and self.alpha is not None:
+            raise InvalidParameterError(f"alpha: method={self.method!r} does not use it; leave it out")
+        PatchFit(alpha=self.weight)
+        if self.correction not in get_args(Correction):
+            raise InvalidParameterError(f"correction: got {self.correction!r}, expected one of {get_args(Correction)}")
+        if self.method != "paper" and not self.refine:
+            raise InvalidParameterError(f"refine: method={self.method!r} always refines; leave it out")
+
+    @property
+    def weight(self) -> float:
+        """Weight of the points of the paper's patches."""
+        return DEFAULT_WEIGHT if self.alpha is None else self.alpha
 
 
 @dataclass(frozen=True)
@@ -44,13 +77,7 @@ class MeshTask:
     boxes: FloatArray  # (h, 2, 3): lowest and highest corner of the box that contains each fill
     overlapping: Rows  # boxes that overlap each box, itself included
     nearby_faces: Rows  # faces of the mesh in each box
-    method: FillingMethod
-    creases: bool  # whether creases are continued
-    intersecting: bool  # whether the least intersecting fill is used if all fills intersect other faces
-    # for ``"paper"``
-    alpha: float  # weight of the points
-    correction: Correction  # displacement that makes patches pass through the rim
-    refine: bool  # whether the patch gets new vertices inside the rim
+    options: FillOptions
 
 
 @dataclass(frozen=True)
@@ -67,7 +94,7 @@ class HoleTask:
     def is_flat_end(self) -> bool:
         """Whether the surface ends at the rim, and the rim lies in a plane, apart from noise and rounding."""
         loops = [self.region.vertices[loop] for loop in self.region.loops]
-        plane = rim_plane(loops) if self.is_end else None
+        plane = rim_plane(loops) if self.is_end and not self.region.is_band else None
         if plane is None:
             return False
         # The rims of one face may end at slightly different heights.
@@ -76,7 +103,7 @@ class HoleTask:
     @property
     def continues_creases(self) -> bool:
         """Whether sharp edges at the rim are looked for: not if noise makes them."""
-        return self.mesh.creases and not (self.mesh.surroundings.is_smooth or self.rim_is_noisy)
+        return self.mesh.options.creases and not (self.mesh.surroundings.is_smooth or self.rim_is_noisy)
 
     @cached_property
     def _reliable_normals(self) -> FloatArray | None:
@@ -113,7 +140,15 @@ def _flat_attempt(task: HoleTask) -> Attempt:
 
 
 def _surface_attempts(task: HoleTask) -> Iterator[Attempt]:
-    """Fills that continue creases, if creases run into the hole; then smooth fills, each simpler than the last."""
+    """Fills that continue creases, if creases run into the hole; then smooth fills, each simpler than the last.
+
+    Bands between rims at which the surface ends at an angle are straight. If no band fits, the second rim is that of an
+    island.
+    """
+    if task.region.is_band:
+        yield from straight_attempts(task.region, noisy=task.noisy)
+        yield from task.smooth_attempts()
+        task = replace(task, region=replace(task.region, is_band=False))
     if task.continues_creases:
         yield from crease_attempts(task.region, noisy=task.noisy)
     yield from task.smooth_attempts()
@@ -121,8 +156,8 @@ def _surface_attempts(task: HoleTask) -> Iterator[Attempt]:
 
 def _paper_attempts(task: HoleTask) -> Iterator[Attempt]:
     """The paper's fills: a patch for each sub-hole between creases, then one patch; then smooth fills."""
-    mesh = task.mesh
-    fill_sub_hole = partial(paper_fill, alpha=mesh.alpha, correction=mesh.correction, refined=mesh.refine)
+    options = task.mesh.options
+    fill_sub_hole = partial(paper_fill, alpha=options.weight, correction=options.correction, refined=options.refine)
     if task.continues_creases:
         for attempt in crease_attempts(task.region, noisy=task.noisy, fill_sub_hole=fill_sub_hole):
             yield replace(attempt, kind="paper")
@@ -191,8 +226,8 @@ def fill_group(task: MeshTask, group: Iterable[int]) -> list[tuple[HoleReport, F
         faces = task.mesh.faces[task.nearby_faces.row(number)]
         around = [face_set(task.mesh, faces), *(placed[k] for k in overlapping)]
         place = FillPlace(region, task.boxes[number], around, next_vertex)
-        attempts = FILL_METHODS[task.method](hole)
-        report, fill = choose_attempt(attempts, place, task.reports[number], intersecting=task.intersecting)
+        attempts = FILL_METHODS[task.options.method](hole)
+        report, fill = choose_attempt(attempts, place, task.reports[number], intersecting=task.options.intersecting)
         result.append((report, fill))
         if fill is not None:
             placed[number] = fill

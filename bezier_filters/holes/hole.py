@@ -31,6 +31,7 @@ class Hole:
     cosine: float = 1.0  # mean cosine of the angle between the plane of the rim and the faces there; see the module
     is_border: bool = False  # whether a lid would be large compared with the component, as that of a scan from one side
     is_circle: bool = False  # whether it is a circle in a plane, in an open sheet, as of a bolt hole
+    is_band: bool = False  # whether it is the hole between two rims, both of which are its loops
     non_manifold_edges: int = 0  # number of edges of a non-manifold border, whose only "loop" is a list of its vertices
 
     @property

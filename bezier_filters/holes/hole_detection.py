@@ -60,12 +60,9 @@ def find_holes(mesh: PreparedMesh) -> list[Hole]:
         # Sheets that touch at a vertex share one loop, but each has its own rim.
         rims = simple_loops(loop) if turning > MIN_OUTER_RIM_TURNING else [loop]
         for rim in rims:
-            points = mesh.vertices[rim]
             count = _count_listed(rim * np.int64(n) + np.roll(rim, -1), cracks)
             obstacle = f"{count} of its {len(rim)} edges lie on those of another border: {WELD_HINT}" if count else ""
-            length = float(np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1).sum())
-            fill = rim[::-1].copy()
-            holes.append(Hole((fill,), turning, length, diameter(points), obstacle, _mean_cosine(mesh, fill)))
+            holes.append(measure_hole(mesh, (rim[::-1].copy(),), obstacle, turning))
     for start, end in rest:
         length = np.linalg.norm(mesh.vertices[end] - mesh.vertices[start], axis=1).sum()
         where = end[border.non_manifold[end]][0]
@@ -76,6 +73,14 @@ def find_holes(mesh: PreparedMesh) -> list[Hole]:
         )
     holes = _find_borders(mesh, sorted(holes, key=lambda hole: int(hole.rim.min())))
     return _find_circles(mesh, join_rims_of_faces(mesh, assign_islands(mesh, holes)))
+
+
+def measure_hole(mesh: PreparedMesh, loops: tuple[IntArray, ...], obstacle: str = "", turning: float = 0.0) -> Hole:
+    """A hole with given loops, in the direction of the faces that fill it; the first is its rim."""
+    points = [mesh.vertices[loop[::-1]] for loop in loops]  # as the border runs
+    length = sum(float(np.linalg.norm(np.roll(rim, -1, axis=0) - rim, axis=1).sum()) for rim in points)
+    cosine = _mean_cosine(mesh, loops[0]) if len(loops[0]) and not obstacle else 1.0
+    return Hole(loops, turning, length, diameter(points[0]) if len(points[0]) else 0.0, obstacle, cosine)
 
 
 def _mean_cosine(mesh: PreparedMesh, rim: IntArray) -> float:

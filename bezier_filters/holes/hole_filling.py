@@ -6,34 +6,33 @@ others in parallel.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields, replace
-from typing import TYPE_CHECKING, get_args
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
-from bezier_filters.errors import InvalidParameterError
 from bezier_filters.holes.fill_choice import FaceSet
 from bezier_filters.holes.fill_methods import (
-    FILL_METHODS,
     FillingMethod,
+    FillOptions,
     MeshTask,
     box_groups,
     fill_group,
     hole_box,
     overlapping_boxes,
 )
+from bezier_filters.holes.hole import Hole
 from bezier_filters.holes.hole_detection import HoleChoice, find_holes
-from bezier_filters.holes.hole_report import HoleReport
+from bezier_filters.holes.hole_report import HoleReport, describe_hole, hole_columns
 from bezier_filters.holes.influence_region import hole_surroundings, influence_regions
 from bezier_filters.holes.planar_fill import Correction
 from bezier_filters.meshes.mesh import check_selection, takes_meshes, triangle_mesh
 from bezier_filters.meshes.mesh_objects import MeshLike
-from bezier_filters.meshes.prepared_mesh import prepare_mesh
+from bezier_filters.meshes.prepared_mesh import PreparedMesh, prepare_mesh
 from bezier_filters.meshes.self_intersections import faces_in_boxes
 from bezier_filters.meshes.unit_size import LENGTH, normalizes_size
-from bezier_filters.patches.patch_fit import PatchFit
 from bezier_filters.result_tables import Table, TabularResult
 from bezier_filters.runtime.parallel import Progress, report, run_kernel, runs_on_threads
 from bezier_filters.surface_model.fit_options import check_noise
@@ -89,7 +88,7 @@ class HoleFillingResult(_HoleCounts, TabularResult):
     def __repr__(self) -> str:
         """One line: how many holes there were, and how many were filled."""
         return (
-            f"HoleFillingResult({len(self.vertices)} vertices, {len(self.faces)} faces, "
+            f"{type(self).__name__}({len(self.vertices)} vertices, {len(self.faces)} faces, "
             f"{self.filled} of {len(self.holes)} holes filled)"
         )
 
@@ -109,11 +108,7 @@ class HoleFillingResult(_HoleCounts, TabularResult):
         return [Table(f"{self.filled:,} of {len(self.holes):,} holes filled", header, rows)]
 
     def _columns(self) -> dict[str, list[object]]:
-        """A row for each hole; of vertices, faces and edges their number."""
-        names = [entry.name for entry in fields(HoleReport)]
-        values = {name: [getattr(hole, name) for hole in self.holes] for name in names}
-        counted = ("rim", "creases", "new_vertices", "new_faces")
-        return values | {name: [len(value) for value in values[name]] for name in counted}
+        return hole_columns(self.holes)
 
 
 @takes_meshes
@@ -235,17 +230,8 @@ def fill_holes(
     True
     """
     mesh = prepare_mesh(triangle_mesh(vertices, faces))
-    if method not in FILL_METHODS:
-        raise InvalidParameterError(f"method: got {method!r}, expected one of {tuple(FILL_METHODS)}")
     check_noise(noise)
-    if method != "paper" and alpha is not None:
-        raise InvalidParameterError(f"alpha: method={method!r} does not use it; leave it out")
-    alpha = 0.8 if alpha is None else alpha
-    PatchFit(alpha=alpha)
-    if correction not in get_args(Correction):
-        raise InvalidParameterError(f"correction: got {correction!r}, expected one of {get_args(Correction)}")
-    if method != "paper" and not refine:
-        raise InvalidParameterError(f"refine: method={method!r} always refines; leave it out")
+    options = FillOptions(method, creases, intersecting, alpha, correction, refine)
     choice = HoleChoice(max_edges, max_perimeter, max_diameter, holes, selected, bolt_holes, outer_rims)
     if on_border is not None:
         border = check_selection(on_border, mesh.vertex_count, "on_border")
@@ -255,44 +241,37 @@ def fill_holes(
     refusals = [choice.refusal(k, hole) for k, hole in enumerate(found)]
     # The fill of the outer rim of a curved sheet may intersect the fills of its holes, which have priority.
     numbers = sorted(np.flatnonzero([not refusal for refusal in refusals]), key=lambda k: found[k].is_outer_rim)
-    chosen = [found[k] for k in numbers]
-    regions = influence_regions(mesh, [hole.loops for hole in chosen])
+    filled = fill_chosen(mesh, [found[k] for k in numbers], noise, options, progress)
+    reports = [describe_hole(hole, refusal) for hole, refusal in zip(found, refusals, strict=True)]
+    for number, hole in zip(numbers, filled.holes, strict=True):
+        reports[number] = hole
+    return replace(filled, holes=tuple(reports))
+
+
+def fill_chosen(
+    mesh: PreparedMesh, holes: Sequence[Hole], noise: float | None, options: FillOptions, progress: Progress | None
+) -> HoleFillingResult:
+    """Fill holes in the order of their priority, in which the result lists them."""
+    regions = influence_regions(mesh, [hole.loops for hole in holes])
+    regions = [replace(region, is_band=hole.is_band) for region, hole in zip(regions, holes, strict=True)]
     surroundings = hole_surroundings(mesh, regions, noise)
-    boxes = np.array([hole_box(mesh, hole) for hole in chosen]).reshape(-1, 2, 3)
+    boxes = np.array([hole_box(mesh, hole) for hole in holes]).reshape(-1, 2, 3)
     nearby_faces = faces_in_boxes(mesh.vertices, mesh.faces, boxes[:, 0], boxes[:, 1])
-    reports = [
-        HoleReport(h.rim, len(h.loops) - 1, h.edge_count, h.perimeter, h.diameter, h.is_outer_rim, reason=refusal)
-        for h, refusal in zip(found, refusals, strict=True)
-    ]
-    open_ = [reports[k] for k in numbers]
-    overlapping = overlapping_boxes(boxes)
-    task = MeshTask(
-        mesh,
-        surroundings,
-        open_,
-        np.array([hole.is_end for hole in chosen], dtype=np.bool_),
-        boxes,
-        overlapping,
-        nearby_faces,
-        method,
-        creases,
-        intersecting,
-        float(alpha),
-        correction,
-        refine,
-    )
-    points, triangles = [mesh.vertices], [mesh.faces]
+    is_end = np.array([hole.is_end for hole in holes], dtype=np.bool_)
+    open_ = [describe_hole(hole) for hole in holes]
+    task = MeshTask(mesh, surroundings, open_, is_end, boxes, overlapping_boxes(boxes), nearby_faces, options)
+    points, triangles, reports = [mesh.vertices], [mesh.faces], list[HoleReport]()
     vertex_count, face_count = mesh.vertex_count, mesh.face_count
-    for number, (described, fill) in zip(numbers, _fill_all(task, progress), strict=True):
-        reports[number] = described
+    for described, fill in _fill_all(task, progress):
         if fill is None:
+            reports.append(described)
             continue
         ids, is_new = fill.ids.copy(), fill.ids >= mesh.vertex_count
         new_vertices = range(vertex_count, vertex_count + np.count_nonzero(is_new))
         new_faces = range(face_count, face_count + len(fill.faces))
         ids[is_new] = new_vertices  # numbered within their group until here
         edges = ids[described.creases].astype(np.int32)
-        reports[number] = replace(described, creases=edges, new_vertices=new_vertices, new_faces=new_faces)
+        reports.append(replace(described, creases=edges, new_vertices=new_vertices, new_faces=new_faces))
         points.append(fill.points[is_new])
         triangles.append(ids[fill.faces].astype(np.int32))
         vertex_count, face_count = new_vertices.stop, new_faces.stop

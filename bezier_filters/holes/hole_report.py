@@ -1,10 +1,13 @@
 """What became of a hole."""
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields
+from typing import Any
 
 import numpy as np
 
 from bezier_filters.arrays import IntArray
+from bezier_filters.holes.hole import Hole
 from bezier_filters.meshes.unit_size import LENGTH
 
 
@@ -33,7 +36,8 @@ class HoleReport:
         ``"creases"``: sharp edges were continued through the hole, and the sub-holes between them filled.
         ``"variational"``: no such surface; a polyharmonic fill of order 2 or more. ``"flat"``: in the plane of the rim,
         a harmonic fill or a triangulation of the rim alone, of little area. ``"paper"``: the paper's patch, or one for
-        each sub-hole. Empty if open.
+        each sub-hole. ``"straight"``: a straight band between two rims, at which the surface ends at an angle. Empty if
+        open.
     reason : str
         Why the hole stays open, why better methods failed, or that triangles stay larger than those around the hole
         because of the limit on their number; empty otherwise.
@@ -67,3 +71,19 @@ class HoleReport:
     rim_error: float = field(default=0.0, metadata=LENGTH)
     rim_dihedral: float = 0.0
     self_intersections: int = 0
+
+
+def describe_hole(hole: Hole, reason: str = "") -> HoleReport:
+    """The report of an open hole, with the reason why it is not to be filled, if there is one."""
+    islands = len(hole.loops) - 1
+    return HoleReport(
+        hole.rim, islands, hole.edge_count, hole.perimeter, hole.diameter, hole.is_outer_rim, reason=reason
+    )
+
+
+def hole_columns(holes: Sequence[HoleReport]) -> dict[str, list[object]]:
+    """Columns with a row for each hole; of vertices, faces and edges their number."""
+    names = [entry.name for entry in fields(HoleReport)]
+    values: dict[str, list[Any]] = {name: [getattr(hole, name) for hole in holes] for name in names}
+    counted = ("rim", "creases", "new_vertices", "new_faces")
+    return values | {name: [len(value) for value in values[name]] for name in counted}

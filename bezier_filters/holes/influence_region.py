@@ -45,6 +45,7 @@ class InfluenceRegion:
     joined: IntArray = field(default_factory=lambda: np.empty((0, 2), dtype=np.int32))
     # (r,): target edge lengths at the rim vertices; by default those of the faces
     target_sizes: FloatArray | None = None
+    is_band: bool = False  # whether its fill is a band between two loops, which need not lie in one plane
     noise_free: FloatArray | None = None  # (b, 3): denoised coordinates, if noise hides the sharp edges
 
     @property

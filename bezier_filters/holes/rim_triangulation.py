@@ -6,6 +6,7 @@ Islands are joined to the rim by shortest bridges, so that one loop remains.
 import numpy as np
 
 from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.holes.band_triangulation import triangulate_band
 from bezier_filters.holes.influence_region import InfluenceRegion
 from bezier_filters.holes.loops import simple_loops, triangulate_loop
 from bezier_filters.holes.refinement import Fill
@@ -20,6 +21,12 @@ def rim_fill(region: InfluenceRegion) -> Fill | None:
 
 def triangulate_rim(region: InfluenceRegion, *, least_area: bool = False) -> Fill | None:
     """Triangulate the rim with the least largest dihedral angle, or with the least area; None if that is impossible."""
+    if region.is_band:
+        first, second = region.loops
+        faces = triangulate_band(region.rim_vertices, first, second, region.rim_edges)
+        if faces is None or not _is_manifold(faces):
+            return None
+        return Fill(region.rim_vertices, region.sizes, faces, region.rim_count)
     polygon, normals, gaps = _join_loops(region)
     points = region.rim_vertices
     faces = triangulate_loop(points[polygon], polygon, normals, gaps, region.rim_edges, least_area=least_area)

@@ -77,7 +77,7 @@ def takes_meshes(function: Callable[Parameters, Result]) -> Callable[Parameters,
         if not is_mesh_object(first):
             return checks(*args, **options)
         rest, faces = args[1:], options.pop("faces", None)
-        if rest and (rest[0] is None or isinstance(rest[0], tuple | list) or hasattr(rest[0], "__array__")):
+        if rest and (rest[0] is None or _are_faces(rest[0])):
             faces, rest = rest[0], rest[1:]
         _refuse_faces(first, faces)
         options.pop("vertices", None)
@@ -85,6 +85,17 @@ def takes_meshes(function: Callable[Parameters, Result]) -> Callable[Parameters,
         return cast("Result", unwrapped(*arrays_of_object(first), *rest, **options))
 
     return wrapper
+
+
+def _are_faces(value: object) -> bool:
+    """Whether an argument after a mesh object seems to be an array of faces, rather than the next argument."""
+    if not (hasattr(value, "__array__") or isinstance(value, tuple | list)):
+        return False
+    try:
+        shape = np.shape(cast("ArrayLike", value))
+    except ValueError:  # rows of different lengths
+        return False
+    return len(shape) == 2 and shape[1] == 3
 
 
 def _refuse_faces(mesh: object, faces: object) -> None:

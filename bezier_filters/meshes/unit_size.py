@@ -23,6 +23,7 @@ Result = TypeVar("Result")
 # Metadata of result fields: the power of length in their unit. Other fields are dimensionless.
 _POWER = "power of length"
 LENGTH: Mapping[str, int] = {_POWER: 1}
+AREA: Mapping[str, int] = {_POWER: 2}
 VOLUME: Mapping[str, int] = {_POWER: 3}
 CURVATURE: Mapping[str, int] = {_POWER: -1}
 SQUARED_CURVATURE: Mapping[str, int] = {_POWER: -2}

@@ -156,7 +156,7 @@ def meshing_close_holes_by_bezier_patch(
     lost_attributes, textured = list[str](), False
     if result.filled:
         with preserve_filter_script(ms):
-            lost_attributes, textured = grow_mesh(ms, _growth(mesh, result), select=newfaceselected)
+            lost_attributes, textured = grow_mesh(ms, growth_of(mesh, result), select=newfaceselected)
     written = time.perf_counter()
     remarks = topology.remarks
     if diameter is not None and diameter > diagonal:  # a length in other units than those of the mesh, perhaps
@@ -178,7 +178,7 @@ def meshing_close_holes_by_bezier_patch(
         "topology_after": dict(after.counts),
         "warnings": fill_warnings(result, diagonal),
         "remarks": remarks,
-        "holes": [_describe_hole(hole) for hole in result.holes],
+        "holes": [describe_report(hole) for hole in result.holes],
         "seconds": {"read": start - begin, "fit": fitted - start, "write": written - fitted},
     }
 
@@ -199,14 +199,14 @@ def fill_warnings(result: HoleFillingResult, diagonal: float) -> list[str]:
     return [text for text, holes in zip(texts, (wide, cutting, open_), strict=True) if holes]
 
 
-def _growth(mesh: CurrentMesh, result: HoleFillingResult) -> MeshGrowth:
+def growth_of(mesh: CurrentMesh, result: HoleFillingResult) -> MeshGrowth:
     """New vertices and faces, and the nearest old ones on the rims, whose attributes they get."""
     n, faces = len(mesh.vertices), result.faces[len(mesh.faces) :]
     like_vertex = nearest_rim_vertices(result.vertices, faces, n)
     return MeshGrowth(result.vertices[n:], faces, like_vertex, adjacent_faces(result.vertices, mesh.faces, faces))
 
 
-def _describe_hole(hole: HoleReport) -> Report:
+def describe_report(hole: HoleReport) -> Report:
     """A report as a dict of plain values, with counts instead of lists."""
     description = asdict(hole)
     del description["rim"]

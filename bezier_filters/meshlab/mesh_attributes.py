@@ -17,6 +17,7 @@ longer than one; they are computed once more.
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from typing import NamedTuple
 
 import numpy as np
 
@@ -52,6 +53,34 @@ def list_attributes(ms: MeshSet) -> list[tuple[str, str]]:
     """Kind and name of every custom attribute as pymeshlab lists them: in lower case, with identifier characters."""
     keys = ms.filter_parameter_values("ply")
     return [(key[: len(SCALAR)], key[len(SCALAR) :]) for key in keys if key[: len(SCALAR)] in ATTRIBUTES]
+
+
+class Attribute(NamedTuple):
+    """A custom attribute of a mesh."""
+
+    kind: str  # a key of `ATTRIBUTES`
+    name: str
+    values: FloatArray  # (n,) of scalars, (n, 3) of points
+
+
+def read_attributes(ms: MeshSet) -> tuple[list[Attribute], list[str]]:
+    """Custom attributes of the current mesh, and the listed names of the unreadable ones."""
+    mesh, found, lost = current_mesh(ms), list[Attribute](), list[str]()
+    known = {name.lower(): name for name in (LEFTOVER, KEPT_LEFTOVER)}  # whose true names are not those listed
+    for kind, listed in list_attributes(ms):
+        for name in dict.fromkeys((listed, known.get(listed, listed))):
+            values = custom_attribute(mesh, name, kind)
+            if values is not None:
+                found.append(Attribute(kind, name, values))
+                break
+        else:
+            lost.append(listed)
+    return found, lost
+
+
+def add_attribute(mesh: Mesh, attribute: Attribute) -> None:
+    """Add a custom attribute to a mesh that has none of its name."""
+    getattr(mesh, f"add_{ATTRIBUTES[attribute.kind][0]}")(attribute.values, attribute.name)
 
 
 def read_columns(ms: MeshSet, names: Iterable[str]) -> dict[str, FloatArray]:

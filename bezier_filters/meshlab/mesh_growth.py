@@ -24,27 +24,35 @@ from bezier_filters.files.ply_text import color_columns, coordinate_columns, ply
 from bezier_filters.holes.polyharmonic_fairing import polyharmonic_continuation
 from bezier_filters.holes.texture_continuation import Texture, continue_texture
 from bezier_filters.meshlab.mesh_attributes import (
-    ATTRIBUTES,
-    KEPT_LEFTOVER,
-    LEFTOVER,
-    custom_attribute,
-    list_attributes,
+    Attribute,
+    add_attribute,
+    read_attributes,
     write_coordinates,
 )
 from bezier_filters.meshlab.meshset import BezierFilterError, Image, Mesh, MeshSet, current_mesh
 from bezier_filters.runtime.atomic import temporary_folder
 
 _TEXTURE = "TextureFile "
+_REMOVED, _SELECTED = "bz_removed", "bz_selected"  # attributes of a copy, for expressions that select
+
+
+@dataclass(frozen=True)
+class StayingRows:
+    """Rows of a mesh that stay, ascending; vertices that had no face before are among them."""
+
+    vertices: IntArray  # (n,)
+    faces: IntArray  # (m,)
 
 
 @dataclass(frozen=True)
 class MeshGrowth:
-    """Vertices and faces to add to a mesh of n vertices."""
+    """Vertices and faces to add to a mesh, of which n vertices stay; removed rows do not count."""
 
     vertices: FloatArray  # (k, 3): new ones, numbered from n on
     faces: IntArray  # (f, 3): new ones
     like_vertex: IntArray  # (k,): old vertex from which each new one has its attributes
     like_face: IntArray  # (f,): old face from which each new one has them
+    staying: StayingRows | None = None  # all rows if None
 
 
 class _PatchTexture(NamedTuple):
@@ -55,7 +63,7 @@ class _PatchTexture(NamedTuple):
 
 
 def grow_mesh(ms: MeshSet, growth: MeshGrowth, *, select: bool) -> tuple[list[str], bool]:
-    """Add vertices and faces to the current mesh, which becomes a new layer with a new id.
+    """Add vertices and faces to the current mesh, which becomes a new layer with a new id, and remove some.
 
     Old vertices and faces stay the first, in their order. Label, transform, textures, colours, quality, selection and
     custom attributes stay; vertex and face normals are those of the faces. Afterwards what was selected is selected or,
@@ -67,25 +75,28 @@ def grow_mesh(ms: MeshSet, growth: MeshGrowth, *, select: bool) -> tuple[list[st
     """
     old = current_mesh(ms)
     wanted, label, transform = old.id(), old.label(), np.array(old.transform_matrix())
-    vertices = np.vstack([old.vertex_matrix(), growth.vertices])
-    attributes, lost = _attributes(ms, old, growth)
-    texture = _texture(ms, old, growth, vertices)
+    attributes, lost = read_attributes(ms)
     with _undo_on_failure(ms):
         ms.generate_copy_of_current_mesh()
         copy = ms.current_mesh_id()
         for layer in list(ms):
             ms.set_mesh_visibility(layer.id(), layer.id() == copy)
         ms.set_matrix(transformmatrix=np.eye(4), freeze=False)
+        if growth.staying is not None:
+            _remove_others(ms, growth.staying)
+        rest = current_mesh(ms)
+        face_count, vertices = rest.face_number(), np.vstack([rest.vertex_matrix(), growth.vertices])
+        texture = _texture(ms, rest, growth, vertices)
         numbers = np.zeros_like(vertices)
         numbers[:, 0] = np.arange(len(vertices))
-        write_coordinates(ms, numbers[: old.vertex_number()])
-        patch = _patch(old, growth, vertices, numbers)
-        textured = texture is not None and _load_patch(ms, old, patch, texture)
-        if not textured and old.has_vertex_color() and old.has_vertex_scalar():
+        write_coordinates(ms, numbers[: rest.vertex_number()])
+        patch = _patch(rest, growth, vertices, numbers)
+        textured = texture is not None and _load_patch(ms, rest, patch, texture)
+        if not textured and rest.has_vertex_color() and rest.has_vertex_scalar():
             ms.add_mesh(patch, "new faces", set_as_current=False)
         elif not textured:
-            _load_patch(ms, old, patch)
-        textured &= old.texture_number() > 0
+            _load_patch(ms, rest, patch)
+        textured &= rest.texture_number() > 0
         ms.set_current_mesh(copy)
         ms.generate_by_merging_visible_meshes(
             mergevisible=True, deletelayer=True, mergevertices=True, alsounreferenced=True
@@ -94,11 +105,11 @@ def grow_mesh(ms: MeshSet, growth: MeshGrowth, *, select: bool) -> tuple[list[st
         if not np.array_equal(grown.vertex_matrix(), numbers):
             raise BezierFilterError("pymeshlab merged the new faces with the mesh in another way than expected")
         write_coordinates(ms, vertices)
-        for kind, name, values in attributes:
-            getattr(grown, f"add_{ATTRIBUTES[kind][0]}")(values, name)
+        for attribute in attributes:
+            add_attribute(grown, _grow_attribute(attribute, growth))
         if select:
             ms.set_selection_none(allfaces=True, allverts=True)
-            ms.compute_selection_by_condition_per_face(condselect=f"fi >= {old.face_number()}")
+            ms.compute_selection_by_condition_per_face(condselect=f"fi >= {face_count}")
         ms.set_matrix(transformmatrix=transform, freeze=False)
         grown.set_label(label)
         merged = grown.id()
@@ -127,23 +138,37 @@ def _undo_on_failure(ms: MeshSet) -> Iterator[None]:
             ms.set_mesh_visibility(layer, before.get(layer, before[current]))
 
 
-def _attributes(ms: MeshSet, mesh: Mesh, growth: MeshGrowth) -> tuple[list[tuple[str, str, FloatArray]], list[str]]:
-    """Custom attributes with rows for new vertices and faces, and the listed names of unreadable attributes."""
-    found: list[tuple[str, str, FloatArray]] = []
-    lost = []
-    known = {name.lower(): name for name in (LEFTOVER, KEPT_LEFTOVER)}  # whose true names are not those listed
-    for kind, name in list_attributes(ms):
-        values = custom_attribute(mesh, name, kind)
-        if values is None:
-            values = custom_attribute(mesh, known.get(name, name), kind)
-        if values is None:
-            lost.append(name)
-            continue
-        new = values[growth.like_vertex if kind.startswith("__ca_v") else growth.like_face]
-        if name.startswith(PREFIX):  # nothing has been estimated there, which is grade 0
-            new[:] = 0.0
-        found.append((kind, name, np.concatenate([values, new])))
-    return found, lost
+def _remove_others(ms: MeshSet, staying: StayingRows) -> None:
+    """Remove all but some rows from the current mesh, a copy without custom attributes; the selection stays."""
+    mesh = current_mesh(ms)
+    goes = np.ones(mesh.face_number())
+    goes[staying.faces] = 0.0
+    vertices = mesh.vertex_matrix()[staying.vertices]
+    selected_vertices = mesh.vertex_selection_array()[staying.vertices]
+    selected_faces = mesh.face_selection_array()[staying.faces]
+    mesh.add_face_custom_scalar_attribute(goes, _REMOVED)
+    ms.compute_selection_by_condition_per_face(condselect=f"{_REMOVED} > 0")
+    ms.meshing_remove_selected_vertices_and_faces()
+    ms.meshing_poly_to_tri()  # parts of polygons would crash `polygonal_face_list`
+    mesh = current_mesh(ms)
+    if not np.array_equal(mesh.vertex_matrix(), vertices) or mesh.face_number() != len(staying.faces):
+        raise BezierFilterError("pymeshlab removed other vertices and faces than expected")
+    mesh.add_vertex_custom_scalar_attribute(selected_vertices.astype(np.float64), _SELECTED)
+    mesh.add_face_custom_scalar_attribute(selected_faces.astype(np.float64), _SELECTED)
+    ms.compute_selection_by_condition_per_vertex(condselect=f"{_SELECTED} > 0")
+    ms.compute_selection_by_condition_per_face(condselect=f"{_SELECTED} > 0")
+
+
+def _grow_attribute(attribute: Attribute, growth: MeshGrowth) -> Attribute:
+    """A custom attribute with rows for new vertices and faces, without removed ones."""
+    kind, name, values = attribute
+    is_of_vertices = kind.startswith("__ca_v")
+    if growth.staying is not None:
+        values = values[growth.staying.vertices if is_of_vertices else growth.staying.faces]
+    new = values[growth.like_vertex if is_of_vertices else growth.like_face]
+    if name.startswith(PREFIX):  # nothing has been estimated there, which is grade 0
+        new[:] = 0.0
+    return Attribute(kind, name, np.concatenate([values, new]))
 
 
 def _texture(ms: MeshSet, old: Mesh, growth: MeshGrowth, vertices: FloatArray) -> _PatchTexture | None:

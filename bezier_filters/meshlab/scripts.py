@@ -17,6 +17,7 @@ import numpy as np
 from bezier_filters.arrays import Report
 from bezier_filters.errors import InvalidScriptError
 from bezier_filters.files.filter_scripts import ScriptStep
+from bezier_filters.meshlab.bridge_filter import meshing_bridge_holes_by_bezier_patch
 from bezier_filters.meshlab.crease_filter import compute_selection_by_bezier_crease_per_edge
 from bezier_filters.meshlab.hole_filter import meshing_close_holes_by_bezier_patch
 from bezier_filters.meshlab.meshset import (
@@ -30,6 +31,7 @@ from bezier_filters.meshlab.meshset import (
     filter_list,
     former_filter_names,
 )
+from bezier_filters.meshlab.replacement_filter import meshing_replace_selection_by_bezier_patch
 from bezier_filters.meshlab.vertex_filters import (
     apply_coord_bezier_patch_smoothing,
     compute_curvature_by_bezier_patch_per_vertex,
@@ -45,6 +47,8 @@ FILTERS: tuple[Callable[..., Report], ...] = (
     compute_curvature_by_bezier_patch_per_vertex,
     compute_torsion_by_bezier_patch_per_vertex,
     compute_selection_by_bezier_crease_per_edge,
+    meshing_replace_selection_by_bezier_patch,
+    meshing_bridge_holes_by_bezier_patch,
 )
 OURS = {function.__name__: function for function in FILTERS}
 

@@ -31,7 +31,8 @@ SHAPE = torus(resolution=16)
 
 
 def test_every_filter_has_an_adapter():
-    assert list(LABELS) == list(PARAMETERS)
+    """But for those that need selected faces, or the numbers of holes."""
+    assert list(LABELS) == [name for name in PARAMETERS if name not in ("replace", "bridge")]
 
 
 @pytest.mark.parametrize("name", LABELS)

@@ -145,8 +145,11 @@ REMARKS = {
     "torsion": "torsion: median ",
     "smooth": "noise ",
     "fill-holes": "0 holes filled, 0 left open",
+    "replace": "1 patches replaced, 0 left as they were",
+    "bridge": "0 pairs of holes joined, 0 left open",
     "creases": "21 lines, 60 sharp edges",
 }
+OPTIONS = {"replace": ["--where", "fi == 0"]}
 
 
 @pytest.mark.parametrize("command", PARAMETERS)
@@ -157,8 +160,8 @@ def test_every_command_does_what_it_does_for_one_file(command, tmp_path, capsys)
     ms.add_mesh(pymeshlab.Mesh(vertices, faces))
     source, of_batch, alone = (str(tmp_path / name) for name in ("a block.ply", "of batch.ply", "alone.ply"))
     save_mesh(ms, source)
-    report = run_command([command, source, of_batch])
-    app([command, source, alone], standalone_mode=False)
+    report = run_command([command, source, of_batch, *OPTIONS.get(command, [])])
+    app([command, source, alone, *OPTIONS.get(command, [])], standalone_mode=False)
     assert Path(of_batch).read_bytes() == Path(alone).read_bytes()
     capsys.readouterr()
     print_batch(summarize(command, [Item(source, of_batch, "done", 1.0, report=report)], 1.0))

@@ -25,6 +25,8 @@ COMMANDS = [
     "torsion",
     "smooth",
     "fill-holes",
+    "replace",
+    "bridge",
     "creases",
     "batch",
     "run",

@@ -101,6 +101,8 @@ FUNCTIONS = {
     "estimate_vertex_geometry": lambda mesh: bf.estimate_vertex_geometry(mesh, rings=2, alpha=0.9).k_max,
     "smooth": lambda mesh: bf.smooth(mesh, "paper").vertices,
     "fill_holes": lambda mesh: bf.fill_holes(mesh, "paper", max_edges=9).faces,
+    "bridge_holes": lambda mesh: bf.bridge_holes(mesh, "auto").faces,
+    "replace_selection": lambda mesh: bf.replace_selection(mesh, np.arange(len(SHAPE.faces)) < 6).faces,
     "find_creases": lambda mesh: bf.find_creases(mesh, GEOMETRY).sharp_edges,
     "vertex_patch": lambda mesh: bf.vertex_patch(mesh, 7).heights,
     "triangle_mesh": lambda mesh: bf.triangle_mesh(mesh).faces,

@@ -21,6 +21,8 @@ ROOT = Path(__file__).parents[2]
 COMMANDS = {
     "apply_coord_bezier_patch_smoothing": "smooth",
     "meshing_close_holes_by_bezier_patch": "fill-holes",
+    "meshing_bridge_holes_by_bezier_patch": "bridge",
+    "meshing_replace_selection_by_bezier_patch": "replace",
     "compute_normal_by_bezier_patch_per_vertex": "normals",
     "compute_curvature_by_bezier_patch_per_vertex": "curvature",
     "compute_torsion_by_bezier_patch_per_vertex": "torsion",

@@ -47,6 +47,7 @@ def right(name, folder):
         "diagnose": {"mesh": mesh},
         "k_rings": {"adjacency": bf.vertex_adjacency(mesh), "rings": 2},
         "mesh_arrays": {"mesh": (VERTICES, FACES)},
+        "replace_selection": {"vertices": VERTICES, "faces": FACES, "selected": np.arange(len(FACES)) == 3},
         "vertex_patch": {"vertices": VERTICES, "faces": FACES, "vertex": 3},
         "fit_patch": {"points": VERTICES[:40], "origin": VERTICES[0], "axes": np.eye(3)},
         "save_fields": {"path": folder / "a.npz", "geometry": None},
@@ -62,6 +63,8 @@ FUNCTIONS = [
     "estimate_vertex_geometry",
     "smooth",
     "fill_holes",
+    "replace_selection",
+    "bridge_holes",
     "find_creases",
     "triangle_mesh",
     "boundary_loops",
@@ -86,6 +89,8 @@ FUNCTIONS = [
     "compute_selection_by_bezier_crease_per_edge",
     "apply_coord_bezier_patch_smoothing",
     "meshing_close_holes_by_bezier_patch",
+    "meshing_replace_selection_by_bezier_patch",
+    "meshing_bridge_holes_by_bezier_patch",
 ]
 UNCHECKED = {"progress", "colorrange", "percentile"}  # what is called; what counts only where there are colours
 

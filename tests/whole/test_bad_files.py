@@ -22,6 +22,7 @@ from bezier_filters.files.lost_rows import LostRows
 from bezier_filters.files.mesh_headers import check_header
 from bezier_filters.meshlab.mesh_files import load_mesh, save_mesh
 from bezier_filters.meshlab.meshset import BezierFilterError
+from bezier_filters.meshlab.replacement_filter import meshing_replace_selection_by_bezier_patch
 from bezier_filters.meshlab.save_formats import SAVE_SUFFIXES
 from bezier_filters.meshlab.scripts import FILTERS
 
@@ -32,6 +33,8 @@ COMMANDS = {
     "torsion": ["out.ply"],
     "smooth": ["out.ply"],
     "fill-holes": ["out.ply"],
+    "bridge": ["out.ply"],
+    "replace": ["out.ply", "--where", "fi == 0"],
     "render": ["out.png"],
     "info": [],
     "demo": ["--out", "."],
@@ -227,7 +230,9 @@ while True:
     assert sizes <= {len(punched_torus(resolution)[0]) for resolution in (8, 24)}
 
 
-@pytest.mark.parametrize("function", FILTERS)
+@pytest.mark.parametrize(
+    "function", [function for function in FILTERS if function is not meshing_replace_selection_by_bezier_patch]
+)
 def test_polygons_stay_polygons(function):
     n, m = 24, 12
     u, v = np.meshgrid(np.arange(n) * 2 * np.pi / n, np.arange(m) * 2 * np.pi / m, indexing="ij")

@@ -15,12 +15,21 @@ from numba import config
 from scale_cases import save_arrays
 
 from baselines import ouyang_feng_normals, razdan_bae
-from bezier_filters import boundary_loops, estimate_vertex_geometry, fill_holes, smooth, triangle_mesh
+from bezier_filters import (
+    boundary_loops,
+    bridge_holes,
+    estimate_vertex_geometry,
+    fill_holes,
+    replace_selection,
+    smooth,
+    triangle_mesh,
+)
 from bezier_filters.files.field_files import read_fields
 from bezier_filters.meshes.self_intersections import cut_faces
 from bezier_filters.scale import estimate_file, smooth_file
 from bezier_filters.scale.source import open_source
 from bezier_filters.surfaces import block_with_sharp_edges, sphere, waves
+from open_ends import revolved, weld
 
 pytestmark = [] if config.DISABLE_JIT else [pytest.mark.slow]
 
@@ -36,6 +45,23 @@ def mesh(name):
         return surface.vertices, surface.faces[(surface.vertices[surface.faces, 2] < 0.5).any(axis=1)]
     surface = {"ball": sphere, "sheet": waves}[name](resolution=4, jitter=0.2)
     return surface.vertices, surface.faces
+
+
+def halves():
+    """A ball with a gap around it."""
+    vertices, faces = mesh("ball")
+    return vertices, faces[(np.abs(vertices[faces, 2]) > 0.2).all(axis=1)]
+
+
+def rings():
+    """Two flat rings above each other."""
+    low, high = (revolved(radii, np.full(2, z), 12) for radii, z in (([3.0, 2.0], 0.0), ([2.0, 3.0], 2.0)))
+    return weld(low, high)
+
+
+def inner_holes(vertices, faces):
+    """Numbers of the holes inside the rings."""
+    return [k for k, hole in enumerate(fill_holes(vertices, faces, holes=[]).holes) if hole.diameter < 5.0]
 
 
 def noisy(name):
@@ -80,6 +106,9 @@ CASES = {
     "fill a bowl": lambda: fill_holes(*mesh("bowl"), outer_rims=True),
     "fill creases": lambda: fill_holes(*mesh("block"), outer_rims=True),
     "fill, paper": lambda: fill_holes(*mesh("ring"), "paper", outer_rims=True),
+    "replace": lambda: replace_selection(*mesh("ball"), np.arange(len(mesh("ball")[1])) == 0, rings=1),
+    "bridge": lambda: bridge_holes(*halves(), [(0, 1)]),
+    "bridge, straight": lambda: bridge_holes(*rings(), [inner_holes(*rings())]),
     "razdan_bae": lambda: razdan_bae(*mesh("ball")),
     "ouyang_feng": lambda: ouyang_feng_normals(*mesh("ball")),
     "loops": lambda: boundary_loops(triangle_mesh(*mesh("sheet"))),
