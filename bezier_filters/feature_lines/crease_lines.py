@@ -102,7 +102,7 @@ class CreaseLine(_LineMeasures):
     certainties: FloatArray
     is_closed: bool = field(init=False)
     nearest_vertices: IntArray = field(init=False)
-    length: float = field(init=False)
+    length: float = field(init=False, metadata=LENGTH)
 
     def __repr__(self) -> str:
         """Kind, length and strength, on one line."""

@@ -204,10 +204,10 @@ class VertexGeometry(_DerivedGeometry, TabularResult):
     fit: FitChoice
     condition_number: FloatArray | None = None
     noise_free: FloatArray | None = field(default=None, metadata=LENGTH)
-    mean_curvature: FloatArray = field(init=False)
-    gaussian_curvature: FloatArray = field(init=False)
-    geodesic_torsion: FloatArray = field(init=False)
-    curvedness: FloatArray = field(init=False)
+    mean_curvature: FloatArray = field(init=False, metadata=CURVATURE)
+    gaussian_curvature: FloatArray = field(init=False, metadata=SQUARED_CURVATURE)
+    geodesic_torsion: FloatArray = field(init=False, metadata=CURVATURE)
+    curvedness: FloatArray = field(init=False, metadata=CURVATURE)
     shape_index: FloatArray = field(init=False)
     torsion_direction_plus: FloatArray = field(init=False)
     torsion_direction_minus: FloatArray = field(init=False)

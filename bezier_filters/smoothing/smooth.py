@@ -142,9 +142,9 @@ class SmoothingResult(_ChangeMeasures, TabularResult):
     new_bad_faces: int
     new_intersecting_faces: int
     volume_ratio: float | None = field(init=False)
-    mean_displacement: float = field(init=False)
-    rms_displacement: float = field(init=False)
-    max_displacement: float = field(init=False)
+    mean_displacement: float = field(init=False, metadata=LENGTH)
+    rms_displacement: float = field(init=False, metadata=LENGTH)
+    max_displacement: float = field(init=False, metadata=LENGTH)
 
     @property
     def noise(self) -> str:
