@@ -21,6 +21,7 @@ from bezier_filters_adapters.filters import (
     parameters_of,
     run,
 )
+from bezier_filters_adapters.vtk_fields import set_fields
 from bezier_filters_adapters.vtk_fills import add_fill, triangles_of
 from bezier_filters_adapters.vtk_normals import renew_normals
 
@@ -91,10 +92,7 @@ def _apply(name: str, source: Any, target: Any, given: dict[str, object]) -> Non
         points.SetData(numpy_to_vtk(result.vertices, deep=True))
         target.SetPoints(points)
         renew_normals(target)
-    for column, values in result.fields.items():
-        array = numpy_to_vtk(values, deep=True)
-        array.SetName(column)
-        target.GetPointData().AddArray(array)
+    set_fields(target.GetPointData(), result.fields)
 
 
 BezierNormals = _filter("normals", "BezierNormals")

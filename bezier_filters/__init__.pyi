@@ -37,6 +37,7 @@ from .meshes.mesh import triangle_mesh as triangle_mesh
 from .meshes.neighbourhoods import k_rings as k_rings
 from .meshlab.bridge_filter import meshing_bridge_holes_by_bezier_patch as meshing_bridge_holes_by_bezier_patch
 from .meshlab.converters import mesh_arrays as mesh_arrays
+from .meshlab.converters import to_open3d as to_open3d
 from .meshlab.converters import to_pyvista as to_pyvista
 from .meshlab.converters import to_trimesh as to_trimesh
 from .meshlab.crease_filter import (

@@ -122,7 +122,7 @@ def html_table(title: str, header: Sequence[str], rows: Iterable[Sequence[object
     2
     """
     head = "".join(f"<th>{escape(text)}</th>" for text in header)
-    body = "".join("<tr>" + "".join(f"<td>{escape(_text(cell))}</td>" for cell in row) + "</tr>" for row in rows)
+    body = "".join("<tr>" + "".join(f"<td>{escape(cell_text(cell))}</td>" for cell in row) + "</tr>" for row in rows)
     return f"<p><b>{escape(title)}</b></p><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
 
 
@@ -134,7 +134,8 @@ def summary(name: str, unit: str, values: "FloatArray") -> list[object]:
     return [name, unit, *numbers]
 
 
-def _text(cell: object) -> str:
+def cell_text(cell: object) -> str:
+    """Text of a cell of a table: integers with commas, other numbers with four digits, None as nothing."""
     if cell is None:
         return ""
     if isinstance(cell, Integral):

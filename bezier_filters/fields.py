@@ -8,7 +8,10 @@ if TYPE_CHECKING:
     from bezier_filters.arrays import FloatArray
 
 PREFIX = "bz_"
+AXES = "xyz"  # names of components of vectors
+NORMAL_COLUMNS = ("nx", "ny", "nz")  # columns of the normals of a mesh
 QUALITY = "quality"  # column of the quality of a mesh
+NORMAL = PREFIX + "normal"  # array of the normals where vectors are arrays
 GRADE = PREFIX + "fit_grade"  # column of the grades of fits: see `FitStatus`
 # the filters that write fields, by their commands
 NORMALS, CURVATURE, TORSION, SMOOTH, CREASES = "normals", "curvature", "torsion", "smooth", "creases"
@@ -27,12 +30,18 @@ class Field:
     quality: str = ""  # word by which users make it the quality of a mesh; empty where they cannot
     attribute: str | None = ""  # attribute of the result, if named differently; None if the filter computes the values
     component: int | None = None  # component of the vectors in the result
+    integer: bool = False  # whether the values are codes or counts
     remark: str = ""  # additional text in documents
 
     @property
     def column(self) -> str:
         """Name of the custom attribute and of the PLY property, for example ``bz_k_min``."""
         return PREFIX + self.name
+
+    @property
+    def array(self) -> str:
+        """Name of the array in programs that know vectors, for example ``bz_direction_max``."""
+        return self.column if self.component is None else self.column.removesuffix(f"_{AXES[self.component]}")
 
     @property
     def source(self) -> str:
@@ -56,7 +65,7 @@ def _vector(
             component=k,
             remark=remark,
         )
-        for k, axis in enumerate("xyz")
+        for k, axis in enumerate(AXES)
     ]
 
 
@@ -130,8 +139,15 @@ FIELDS = (
     Field("geodesic_torsion", "principal geodesic torsion", "1/length", (TORSION,), quality="torsion"),
     *_vector("torsion_direction_plus", "direction of +t_max", (TORSION,), remark=_ANY_SIGN),
     *_vector("torsion_direction_minus", "direction of -t_max", (TORSION,), remark=_ANY_SIGN),
-    Field("fit_grade", "grade of the fit", "", ESTIMATES, remark="9 fitted as asked, 0 not at all, see `FitStatus`"),
-    Field("rings_used", "rings", "edges", ESTIMATES, remark="how far the neighbourhood goes"),
+    Field(
+        "fit_grade",
+        "grade of the fit",
+        "",
+        ESTIMATES,
+        integer=True,
+        remark="9 fitted as asked, 0 not at all, see `FitStatus`",
+    ),
+    Field("rings_used", "rings", "edges", ESTIMATES, integer=True, remark="how far the neighbourhood goes"),
     Field("residual", "residual", "length", ESTIMATES, remark="weighted RMS height of the points over the patch"),
     Field("displacement", "displacement", "length", (SMOOTH,), quality="displacement", remark="how far it moved"),
     Field(
@@ -144,6 +160,7 @@ FIELDS = (
         (CREASES,),
         signed=True,
         attribute=None,
+        integer=True,
         remark="0 where none was found, 1 at a ridge, -1 at a ravine, 2 and -2 at sharp edges of these kinds",
     ),
     Field("crease_strength", "strength of creases", "radii of curvature", (CREASES,), attribute=None),

@@ -6,6 +6,7 @@ import numpy as np
 import pycc
 
 from bezier_filters.arrays import FloatArray
+from bezier_filters.field_arrays import split_vectors
 from bezier_filters.fields import SMOOTH
 from bezier_filters_adapters.filled_fields import Fill, Values
 from bezier_filters_adapters.filters import ERRORS, FILL_HOLES, LABELS, run
@@ -41,7 +42,7 @@ def apply(name: str, mesh: pycc.ccMesh, **given: object) -> pycc.ccMesh:
     corners = (mesh.getTriangleVertIndexes(k) for k in range(mesh.size()))
     faces = [(corner.i1, corner.i2, corner.i3) for corner in corners]
     result = run(name, mesh.getAssociatedCloud().points(), faces, given)
-    fields = result.fields
+    fields = split_vectors(result.fields)  # it knows numbers alone
     if result.fill is not None:
         fields = _grown_fields(mesh.getAssociatedCloud(), result.fill) | fields
     if name in (SMOOTH, FILL_HOLES):
@@ -54,7 +55,7 @@ def apply(name: str, mesh: pycc.ccMesh, **given: object) -> pycc.ccMesh:
         field.asArray()[:] = values
         field.computeMinAndMax()
     if fields:
-        cloud.setCurrentDisplayedScalarField(cloud.getScalarFieldIndexByName(next(iter(result.fields))))
+        cloud.setCurrentDisplayedScalarField(cloud.getScalarFieldIndexByName(next(iter(split_vectors(result.fields)))))
         mesh.showSF(True)
     pycc.ccLog.Print(result.summary)
     pycc.GetInstance().updateUI()

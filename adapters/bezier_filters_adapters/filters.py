@@ -17,7 +17,8 @@ import bezier_filters as bf
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.feature_lines.crease_lines import crease_columns
-from bezier_filters.fields import CREASES, CURVATURE, ESTIMATES, NORMALS, SMOOTH, TORSION, columns, fields_of
+from bezier_filters.field_arrays import join_vectors, result_arrays
+from bezier_filters.fields import CREASES, CURVATURE, ESTIMATES, NORMALS, SMOOTH, TORSION, Field, fields_of
 from bezier_filters.parameters import LENGTH_TYPE, PARAMETERS, RUN, Parameter
 from bezier_filters_adapters.filled_fields import NEW, Fill, Values
 
@@ -52,7 +53,7 @@ _RENAMED = {"maxholesize": "max_edges"}  # parameters that functions of arrays c
 
 @dataclass(frozen=True)
 class Result:
-    """What a filter made: the mesh, the numbers of its vertices by the names of their columns, and a line to show.
+    """What a filter made: the mesh, the fields of its vertices, numbers (n,) or vectors (n, 3), and a line to show.
 
     Of filled holes also where new rows begin, with which programs continue the fields that they have.
     """
@@ -75,7 +76,7 @@ def run(name: str, vertices: ArrayLike, faces: ArrayLike, given: Mapping[str, ob
     values = {key: _value(known[key], value, vertices) for key, value in given.items() if value not in left_out}
     if name == SMOOTH:
         smoothed = bf.smooth(vertices, faces, **_arguments(bf.smooth, values))
-        return Result(smoothed.vertices, faces, columns(SMOOTH, smoothed), repr(smoothed))
+        return Result(smoothed.vertices, faces, result_arrays(smoothed, SMOOTH), repr(smoothed))
     if name == FILL_HOLES:
         filled = bf.fill_holes(vertices, faces, **_arguments(bf.fill_holes, values))
         fill = Fill(filled.vertices, filled.faces, len(vertices), len(faces))
@@ -83,8 +84,8 @@ def run(name: str, vertices: ArrayLike, faces: ArrayLike, given: Mapping[str, ob
     geometry = bf.estimate_vertex_geometry(vertices, faces, **_arguments(bf.estimate_vertex_geometry, values))
     if name == CREASES:
         creases = bf.find_creases(vertices, faces, geometry, **_arguments(bf.find_creases, values))
-        return Result(vertices, faces, crease_columns(creases), repr(creases))
-    return Result(vertices, faces, columns(name, geometry), str(geometry.status_counts()))
+        return Result(vertices, faces, join_vectors(crease_columns(creases)), repr(creases))
+    return Result(vertices, faces, result_arrays(geometry, name), str(geometry.status_counts()))
 
 
 def parameters_of(name: str) -> list[Parameter]:
@@ -95,10 +96,17 @@ def parameters_of(name: str) -> list[Parameter]:
 
 
 def field_names(name: str) -> list[str]:
-    """Columns that `run` gives."""
-    if name == FILL_HOLES:
-        return [NEW]
-    return [field.column for field in fields_of(name) if field.attribute is not None or name == CREASES]
+    """Arrays that `run` gives."""
+    return [NEW] if name == FILL_HOLES else list(dict.fromkeys(field.array for field in _fields(name)))
+
+
+def column_names(name: str) -> list[str]:
+    """The same where vectors are split into three columns."""
+    return [NEW] if name == FILL_HOLES else [field.column for field in _fields(name)]
+
+
+def _fields(name: str) -> list[Field]:
+    return [field for field in fields_of(name) if field.attribute is not None or name == CREASES]
 
 
 def kind_of(parameter: Parameter) -> type | tuple[str, ...]:

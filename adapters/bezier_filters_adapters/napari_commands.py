@@ -10,10 +10,11 @@ from typing import Any, Literal
 import numpy as np
 
 from bezier_filters.arrays import FloatArray
+from bezier_filters.field_arrays import split_vectors
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.meshes.mesh_objects import Placement, placement_of_layer
 from bezier_filters_adapters.filled_fields import Fill, Values
-from bezier_filters_adapters.filters import LABELS, annotated, field_names, run
+from bezier_filters_adapters.filters import LABELS, annotated, column_names, run
 
 LayerData = tuple[tuple[Any, ...], dict[str, Any], str]
 # what says where a layer is shown, and in which units
@@ -26,7 +27,7 @@ def _command(name: str) -> Callable[..., LayerData]:
 
         The surface is a layer of napari, or its data: vertices, faces, and perhaps values.
         """
-        shown = given.pop("field", None) or next(iter(field_names(name)), None)
+        shown = str(given.pop("field", None) or column_names(name)[0])
         is_layer = hasattr(surface, "data_to_world")
         data = surface.data if is_layer else surface
         mesh = triangle_mesh(data[0], data[1])
@@ -35,18 +36,17 @@ def _command(name: str) -> Callable[..., LayerData]:
         result = run(name, world, placement.orient(mesh.faces), given)
         vertices = _in_data(placement, mesh.vertices, world, result.vertices)
         handed_on = surface.as_layer_data_tuple()[1] if is_layer else {}
-        fields, values = result.fields, () if shown is None else (result.fields[str(shown)],)
+        fields, values = result.fields, split_vectors(result.fields)[shown].astype(np.float64)
         if result.fill is not None:
             fields = _grown_metadata(result.fill, handed_on.get("metadata", {})) | fields
             if len(data) > len(("vertices", "faces")) and np.ptp(data[2]):  # else they say nothing
-                values, shown = (_grown(result.fill, data[2]),), LABELS[name]
+                values, shown = _grown(result.fill, data[2]), LABELS[name]
         state = {key: handed_on[key] for key in _HANDED_ON if key in handed_on}
-        state |= {"name": LABELS[name] if shown is None else str(shown)}
-        state |= {"metadata": fields | {"summary": result.summary}}
-        return (vertices, placement.orient(result.faces), *values), state, "surface"
+        state |= {"name": shown, "metadata": fields | {"summary": result.summary}}
+        return (vertices, placement.orient(result.faces), values), state, "surface"
 
     before = [Parameter("surface", Parameter.POSITIONAL_OR_KEYWORD, annotation="napari.layers.Surface")]
-    if len(fields := tuple(field_names(name))) > 1:
+    if len(fields := tuple(column_names(name))) > 1:
         field = Parameter("field", Parameter.KEYWORD_ONLY, default=fields[0], annotation=Literal[fields])
         before.append(field)
     command.__annotations__["return"] = "napari.types.LayerDataTuple"

@@ -6,8 +6,9 @@ from inspect import Parameter
 import pyvista
 
 import bezier_filters as bf
-from bezier_filters.fields import SMOOTH
+from bezier_filters.fields import NORMALS, SMOOTH
 from bezier_filters_adapters.filters import FILL_HOLES, LABELS, annotated, run
+from bezier_filters_adapters.vtk_fields import set_fields
 from bezier_filters_adapters.vtk_fills import add_fill, triangles_of
 from bezier_filters_adapters.vtk_normals import renew_normals
 
@@ -38,8 +39,9 @@ def _method(name: str) -> Callable[..., pyvista.PolyData]:
         if name == SMOOTH:
             made.points = result.vertices
             renew_normals(made)
-        for column, values in result.fields.items():
-            made.point_data[column] = values
+        set_fields(made.GetPointData(), result.fields)
+        if name != NORMALS:  # whose fields say how good the normals are
+            made.set_active_scalars(next(iter(result.fields)))
         return made
 
     return annotated(method, name, Parameter("self", Parameter.POSITIONAL_OR_KEYWORD))

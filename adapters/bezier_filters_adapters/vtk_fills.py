@@ -11,6 +11,7 @@ from vtkmodules.vtkFiltersCore import vtkTriangleFilter
 
 from bezier_filters.arrays import IntArray
 from bezier_filters_adapters.filled_fields import NEW, Fill, Values
+from bezier_filters_adapters.vtk_fields import set_fields
 from bezier_filters_adapters.vtk_normals import renew_normals
 
 _GHOSTS = "vtkGhostType"
@@ -60,10 +61,8 @@ def add_fill(mesh: Any, fill: Fill, cells: IntArray) -> None:
         renew_normals(mesh, slice(fill.old_vertices, None), slice(place, place + count))
     is_new = np.zeros(old_cells + count, np.uint8)
     is_new[place : place + count] = 1
-    for data, marks in ((mesh.GetPointData(), fill.marks()[NEW]), (mesh.GetCellData(), is_new)):
-        array = numpy_to_vtk(marks, deep=True)
-        array.SetName(NEW)
-        data.AddArray(array)
+    set_fields(mesh.GetPointData(), fill.marks())
+    set_fields(mesh.GetCellData(), {NEW: is_new})
 
 
 def _grow(data: Any, place: int, like: IntArray, new_rows: Callable[[str, Values], Values]) -> None:

@@ -6,9 +6,9 @@ import bmesh
 import bpy
 import numpy as np
 
-from bezier_filters.fields import SMOOTH
+from bezier_filters.fields import NORMAL, PREFIX, SMOOTH
 from bezier_filters.parameters import Parameter
-from bezier_filters_adapters.filled_fields import NEW, Fill
+from bezier_filters_adapters.filled_fields import NEW, Fill, Values
 from bezier_filters_adapters.filters import (
     ERRORS,
     HELP,
@@ -20,6 +20,8 @@ from bezier_filters_adapters.filters import (
 )
 
 _NEW_FACES = f"{NEW}_face"
+# where attributes of a kind have their values, and the type of those
+_SLOTS = {"FLOAT": ("value", np.float32), "INT": ("value", np.int32), "FLOAT_VECTOR": ("vector", np.float32)}
 _PROPERTIES = {bool: bpy.props.BoolProperty, int: bpy.props.IntProperty, float: bpy.props.FloatProperty}
 
 
@@ -52,9 +54,10 @@ def _execute(self: Any, context: Any) -> set[str]:
         _add(mesh, result.fill)
     if self.filter_name == SMOOTH:
         mesh.vertices.foreach_set("co", result.vertices.astype(np.float32).ravel())
-    for column, values in result.fields.items():
-        attribute = mesh.attributes.get(column) or mesh.attributes.new(column, "FLOAT", "POINT")
-        attribute.data.foreach_set("value", values.astype(np.float32))
+    for name, values in result.fields.items():
+        _set_attribute(mesh, name, "POINT", values)
+    if NORMAL in result.fields:
+        mesh.normals_split_custom_set_from_vertices(result.fields[NORMAL].tolist())
     mesh.update()
     self.report({"INFO"}, result.summary)
     if not np.allclose(context.object.matrix_world.to_scale(), 1.0):
@@ -64,16 +67,39 @@ def _execute(self: Any, context: Any) -> set[str]:
     return {"FINISHED"}
 
 
+def _set_attribute(mesh: Any, name: str, domain: str, values: Values) -> None:
+    """Set an attribute to numbers (n,), integers or not, or vectors (n, 3)."""
+    kind = "INT" if values.dtype.kind in "iu" else "FLOAT" if values.ndim == 1 else "FLOAT_VECTOR"
+    attribute = mesh.attributes.get(name)
+    if attribute is not None and attribute.data_type != kind:
+        mesh.attributes.remove(attribute)
+        attribute = None
+    if attribute is None:
+        attribute = mesh.attributes.new(name, kind, domain)
+    slot, dtype = _SLOTS[kind]
+    attribute.data.foreach_set(slot, values.astype(dtype).ravel())
+
+
+def _attributes(mesh: Any, count: int) -> dict[str, Values]:
+    """Attributes of the vertices that are numbers, and all of this package."""
+    found = {}
+    for item in mesh.attributes:
+        if item.domain != "POINT" or not (item.data_type == "FLOAT" or item.name.startswith(PREFIX)):
+            continue
+        slot, dtype = _SLOTS[item.data_type]
+        values = np.empty((count, 3) if item.data_type == "FLOAT_VECTOR" else count, dtype)
+        item.data.foreach_get(slot, values.ravel())
+        found[item.name] = values
+    return found
+
+
 def _add(mesh: Any, fill: Fill) -> None:
     """Add what is new, so that polygons and their data stay; new rows of data are like old ones next to them.
 
     Numbers of vertices are then continued smoothly. A name has one domain in Blender: `NEW` is a field of vertices,
     that of the faces has a name of its own.
     """
-    names = [item.name for item in mesh.attributes if (item.domain, item.data_type) == ("POINT", "FLOAT")]
-    fields = {name: np.empty(fill.old_vertices, np.float32) for name in names}
-    for name, values in fields.items():
-        mesh.attributes[name].data.foreach_get("value", values)
+    fields = _attributes(mesh, fill.old_vertices)
     polygons = np.empty(fill.old_faces, np.int32)
     mesh.loop_triangles.foreach_get("polygon_index", polygons)
     whole = bmesh.new()
@@ -86,11 +112,9 @@ def _add(mesh: Any, fill: Fill) -> None:
     whole.to_mesh(mesh)
     whole.free()
     for name, values in fields.items():
-        grown = np.concatenate([values, fill.new_vertex_rows(name, values)])
-        mesh.attributes[name].data.foreach_set("value", grown)
+        _set_attribute(mesh, name, "POINT", np.concatenate([values, fill.new_vertex_rows(name, values)]))
     is_new = np.arange(len(mesh.polygons)) >= len(faces)
-    marks = mesh.attributes.get(_NEW_FACES) or mesh.attributes.new(_NEW_FACES, "FLOAT", "FACE")
-    marks.data.foreach_set("value", is_new.astype(np.float32))
+    _set_attribute(mesh, _NEW_FACES, "FACE", is_new.astype(np.uint8))
 
 
 def _operator(name: str) -> Any:

@@ -127,7 +127,8 @@ def check_target(target: Path, *sources: Path, overwrite: bool) -> None:
 Source = Annotated[
     Path,
     typer.Argument(
-        help="Mesh or point cloud to read: any format that pymeshlab reads, or - for the standard input.",
+        help="Mesh or point cloud to read: any format that pymeshlab reads, VTP, VTU, NPZ, CSV, LAS, or - for the "
+        "standard input.",
         metavar="INPUT",
         parser=parse_path,
         callback=read_pipe,
@@ -136,7 +137,8 @@ Source = Annotated[
 Target = Annotated[
     Path,
     typer.Argument(
-        help="Mesh to write, or - for the standard output. PLY keeps quality, colour and all fields.",
+        help="Mesh to write, or - for the standard output. PLY, VTP, VTU and NPZ keep quality, colour and all fields, "
+        "CSV all but the faces, GLB colours.",
         metavar="OUTPUT",
         parser=parse_path,
         callback=pipe_callback(".ply"),

@@ -68,7 +68,7 @@ def filter_command(
             json: Json = False,
             **given: object,
         ) -> None:
-            from bezier_filters.meshlab.mesh_files import FIELD_SUFFIX, format_of
+            from bezier_filters.meshlab.save_formats import FIELD_SUFFIXES, format_of
 
             check_target(target, source, overwrite=overwrite)
             if save_script is not None:  # a step is added to one that is there
@@ -79,7 +79,7 @@ def filter_command(
                 ms = bf.load_mesh(source, skip=skip)
                 report = getattr(bf, filter_name)(ms, progress=stage(f"{verb} {printable_name(source)}"), **given)
                 stage(f"writing {printable_name(target)}")
-                remarks = bf.save_mesh(ms, target)
+                remarks = bf.save_mesh(ms, target, compact=True)
             if save_script is not None:
                 _add_step(save_script, filter_name, given)
             if json:
@@ -91,9 +91,10 @@ def filter_command(
                 console.print_written(report, printable_path(target))
             for remark in remarks:
                 console.err().print(f"note: {printable_name(target)} is {remark}", markup=False)
-            if report.get("quality") and suffix != FIELD_SUFFIX:
+            if report.get("quality") and suffix not in FIELD_SUFFIXES:
                 console.err().print(
-                    f"note: {target.suffix} files hold no quality and no bz_* columns; write a PLY file to keep them"
+                    f"note: {target.suffix} files hold no quality and no bz_* columns; write a PLY, VTP, VTU, CSV "
+                    "or NPZ file to keep them"
                 )
             end_with_remarks(printable_path(target), report)
 
@@ -209,7 +210,7 @@ def creases(
     target: Annotated[
         Path,
         typer.Argument(
-            help="Lines to write, a PLY or OBJ file, or - for the standard output.",
+            help="Lines to write, a PLY, OBJ or VTP file, or - for the standard output.",
             metavar="LINES.ply",
             parser=parse_path,
             callback=pipe_callback(".ply"),
@@ -285,7 +286,7 @@ def run(
     a step is MeshLab's, pymeshlab's, or one of this package, such as compute_curvature_by_bezier_patch_per_vertex.
     Names are checked before the first step runs; the output is written after the last.
     """
-    from bezier_filters.meshlab.mesh_files import format_of
+    from bezier_filters.meshlab.save_formats import format_of
     from bezier_filters.meshlab.scripts import check_steps
 
     steps = bf.read_filter_script(script)
@@ -297,7 +298,7 @@ def run(
         ms = bf.load_mesh(source, skip=skip)
         done = bf.run_filter_script(ms, steps, progress=stage(printable_name(script)))
         stage(f"writing {printable_name(target)}")
-        remarks = bf.save_mesh(ms, target)
+        remarks = bf.save_mesh(ms, target, compact=True)
     for remark in remarks:
         console.err().print(f"note: {printable_name(target)} is {remark}", markup=False)
     if json:

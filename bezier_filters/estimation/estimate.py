@@ -31,7 +31,8 @@ from bezier_filters.kernels.kernel_input import (
     prepare_kernel_mesh,
     replace_vertices,
 )
-from bezier_filters.meshes.mesh import TriangleMesh, check_selection, takes_arrays, triangle_mesh
+from bezier_filters.meshes.mesh import TriangleMesh, check_selection, surface_or_points, takes_meshes
+from bezier_filters.meshes.mesh_objects import MeshLike
 from bezier_filters.meshes.prepared_mesh import PreparedMesh, prepare_mesh
 from bezier_filters.meshes.spatial_order import SpatialOrder, has_locality, identity_order, sort_spatially
 from bezier_filters.meshes.unit_size import normalizes_size
@@ -50,12 +51,12 @@ EDGE_MISFIT_FRACTION, EDGE_FAILURE_FRACTION = 0.01, 0.002
 OUTLIER_MISFIT_RATIO, OUTLIER_MISFIT_FRACTION, OUTLIER_FAILURE_FRACTION = 2.0, 0.06, 0.0007
 
 
-@takes_arrays
+@takes_meshes
 @normalizes_size("radius", "noise", "detail")
 @runs_on_threads
 def estimate_vertex_geometry(
-    vertices: ArrayLike,
-    faces: ArrayLike | None,
+    vertices: ArrayLike | MeshLike,
+    faces: ArrayLike | None = None,
     *,
     normals: ArrayLike | None = None,
     rings: int | Automatic = "auto",
@@ -97,9 +98,9 @@ def estimate_vertex_geometry(
 
     Parameters
     ----------
-    vertices : (n, 3) array_like of float
-        Coordinates.
-    faces : (m, 3) array_like of int, or None
+    vertices : (n, 3) array_like of float, or mesh object
+        Coordinates; or a mesh or point cloud of another library, see `mesh_arrays`, and no faces.
+    faces : (m, 3) array_like of int, optional
         Triangles, counter-clockwise seen from outside; none at all for a point cloud.
     normals : (n, 3) array_like of float, optional
         For point clouds only: vectors of any length that point outwards, zero where the outside is
@@ -181,11 +182,13 @@ def estimate_vertex_geometry(
     >>> geometry = estimate_vertex_geometry(ball.vertices, ball.faces)
     >>> bool(abs(geometry.mean_curvature - 0.5).max() < 1e-4)
     True
-    >>> of_points_alone = estimate_vertex_geometry(ball.vertices, None)
+    >>> bool((estimate_vertex_geometry(ball).k_min == geometry.k_min).all())
+    True
+    >>> of_points_alone = estimate_vertex_geometry(ball.vertices)
     >>> bool(abs(of_points_alone.mean_curvature - 0.5).max() < 1e-4)
     True
     """
-    mesh = triangle_mesh(vertices, [] if faces is None else faces)
+    mesh = surface_or_points(vertices, faces)
     outside = _check_normals(normals, mesh)
     options = FitOptions(rings, alpha, degree, smoothness, robust, noise, detail, radius, fallbacks, fold_test)
     options.check()

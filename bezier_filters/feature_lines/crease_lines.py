@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
-from bezier_filters.display import html_table
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError, is_real
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.estimation.hidden_edges import RESIDUAL_NOISE_FRACTION, hides_sharp_edges, noise_free_surface
@@ -23,10 +22,12 @@ from bezier_filters.fields import CREASES, column_names
 from bezier_filters.fitting.noise_level import is_noisy, learn_mesh_noise
 from bezier_filters.fitting.vertex_geometry import VertexGeometry
 from bezier_filters.meshes.half_edges import MeshEdges, mesh_edges
-from bezier_filters.meshes.mesh import takes_arrays, triangle_mesh
+from bezier_filters.meshes.mesh import takes_meshes, triangle_mesh
+from bezier_filters.meshes.mesh_objects import MeshLike
 from bezier_filters.meshes.prepared_mesh import PreparedMesh, prepare_mesh
 from bezier_filters.meshes.sharp_edges import certainties, sharp_edges
 from bezier_filters.meshes.unit_size import LENGTH, normalizes_size
+from bezier_filters.result_tables import Table, TabularResult
 from bezier_filters.runtime.parallel import Progress, runs_on_threads
 from bezier_filters.status import FitStatus
 
@@ -39,8 +40,32 @@ SHARP_CODE_FACTOR = 2.0
 MIN_SHARP_LINE_EDGES = 3  # of a sharp line with a free end: noise makes shorter ones
 
 
+class _LineMeasures:
+    """What follows from the points of a line; fields of a `CreaseLine` of these names."""
+
+    points: FloatArray
+    edges: IntArray
+    shares: FloatArray
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether the first and the last point coincide."""
+        return bool((self.edges[0] == self.edges[-1]).all())
+
+    @property
+    def nearest_vertices(self) -> IntArray:
+        """Nearest vertex of each point, (k,): the nearer end of its edge."""
+        first_is_nearer = self.shares <= 0.5
+        return np.asarray(np.where(first_is_nearer, self.edges[:, 0], self.edges[:, 1]), dtype=np.int32)
+
+    @property
+    def length(self) -> float:
+        """Length of the polyline."""
+        return float(np.linalg.norm(np.diff(self.points, axis=0), axis=1).sum())
+
+
 @dataclass(frozen=True, repr=False)
-class CreaseLine:
+class CreaseLine(_LineMeasures):
     """A ridge or a ravine, sharp or smooth, as a polyline.
 
     Attributes
@@ -60,6 +85,12 @@ class CreaseLine:
         `find_creases`.
     certainties : (k - 1,) float64
         For each segment between two points, the probability that it is not an effect of noise.
+    is_closed : bool
+        Derived: whether the first and the last point coincide.
+    nearest_vertices : (k,) int32
+        Derived: nearest vertex of each point.
+    length : float
+        Derived: length of the polyline.
     """
 
     kind: CreaseKind
@@ -69,22 +100,9 @@ class CreaseLine:
     shares: FloatArray
     strength: float
     certainties: FloatArray
-
-    @property
-    def is_closed(self) -> bool:
-        """Whether the first and the last point coincide."""
-        return bool((self.edges[0] == self.edges[-1]).all())
-
-    @property
-    def nearest_vertices(self) -> IntArray:
-        """Nearest vertex of each point, (k,): the nearer end of its edge."""
-        first_is_nearer = self.shares <= 0.5
-        return np.asarray(np.where(first_is_nearer, self.edges[:, 0], self.edges[:, 1]), dtype=np.int32)
-
-    @property
-    def length(self) -> float:
-        """Length of the polyline."""
-        return float(np.linalg.norm(np.diff(self.points, axis=0), axis=1).sum())
+    is_closed: bool = field(init=False)
+    nearest_vertices: IntArray = field(init=False)
+    length: float = field(init=False, metadata=LENGTH)
 
     def __repr__(self) -> str:
         """Kind, length and strength, on one line."""
@@ -95,7 +113,7 @@ class CreaseLine:
 
 
 @dataclass(frozen=True, repr=False)
-class Creases:
+class Creases(TabularResult):
     """Crease lines of a mesh, the result of `find_creases`.
 
     Attributes
@@ -131,8 +149,8 @@ class Creases:
         note = "" if self.tells_crest_lines else "; a fit of degree 2 does not find smooth ones"
         return f"Creases({len(self.of_kind('ridge'))} ridges, {len(self.of_kind('ravine'))} ravines{note})"
 
-    def _repr_html_(self) -> str:
-        """Table of the lines by kind, for notebooks."""
+    def _tables(self) -> list[Table]:
+        """The lines by kind."""
         rows = []
         for kind in get_args(CreaseKind):
             for is_sharp in (True, False):
@@ -141,7 +159,13 @@ class Creases:
                 length = sum((line.length for line in lines), 0.0)
                 rows.append([f"{'sharp ' * is_sharp}{kind}s", len(lines), length, strongest])
         header = ["", "lines", "length [length]", "strongest"]
-        return html_table(f"{len(self.lines):,} lines", header, rows)
+        return [Table(f"{len(self.lines):,} lines", header, rows)]
+
+    def _columns(self) -> dict[str, list[object]]:
+        """A row for each line."""
+        names = ("kind", "is_sharp", "is_closed", "length", "strength")
+        counts: dict[str, list[object]] = {"points": [len(line.points) for line in self.lines]}
+        return counts | {name: [getattr(line, name) for line in self.lines] for name in names}
 
 
 def crease_columns(creases: Creases) -> dict[str, FloatArray]:
@@ -171,12 +195,12 @@ def edge_mesh(lines: Sequence[CreaseLine]) -> tuple[FloatArray, IntArray, IntArr
     return points, np.stack([first, first + 1], axis=1), line_of_point
 
 
-@takes_arrays
+@takes_meshes
 @normalizes_size()
 @runs_on_threads
 def find_creases(
-    vertices: ArrayLike,
-    faces: ArrayLike,
+    vertices: ArrayLike | MeshLike,
+    faces: ArrayLike | None = None,
     geometry: VertexGeometry | None = None,
     *,
     angle: float = 40.0,
@@ -204,8 +228,8 @@ def find_creases(
 
     Parameters
     ----------
-    vertices : (n, 3) array_like of float
-        Coordinates.
+    vertices : (n, 3) array_like of float, or mesh object
+        Coordinates; or a mesh of another library, see `mesh_arrays`, and no faces.
     faces : (m, 3) array_like of int
         Triangles, counter-clockwise seen from outside.
     geometry : VertexGeometry, optional

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from bezier_filters.arguments import brief_repr, path_of
 from bezier_filters.arrays import FloatArray
 from bezier_filters.errors import FieldFileError, InvalidParameterError
-from bezier_filters.fields import CURVATURE, GRADE, PREFIX, QUALITY, TORSION, result_qualities
+from bezier_filters.fields import GRADE, PREFIX, QUALITY
 from bezier_filters.files.mesh_headers import (
     BYTE_ORDER,
     HEADER_LIMIT,
@@ -36,10 +36,6 @@ from bezier_filters.runtime.atomic import atomic_write
 
 _DEFLATE_LIMIT = 1032  # largest compression ratio that deflate can reach
 _DAMAGES = (ValueError, OSError, EOFError, RuntimeError, SyntaxError, TokenError, zipfile.BadZipFile, zlib.error)
-_DERIVED = [
-    *sorted(field.source for field in result_qualities(CURVATURE, TORSION).values()),
-    GRADE.removeprefix(PREFIX),
-]
 # columns of versions up to 0.2.0, which wrote codes instead of grades, the best one 0
 _CODES, _RINGS = PREFIX + "fit_status", PREFIX + "rings_used"
 
@@ -127,7 +123,7 @@ def save_fields(path: str | os.PathLike[str], geometry: VertexGeometry) -> None:
             f"geometry: got {brief_repr(geometry)}, expected a VertexGeometry, as of estimate_vertex_geometry; "
             "numpy.savez(path, **arrays) saves a dict of arrays"
         )
-    names = [field.name for field in fields(geometry)] + _DERIVED
+    names = [field.name for field in fields(geometry)]
     arrays = {name: value for name in names if isinstance(value := getattr(geometry, name), np.ndarray)}
     # An open file, because NumPy appends ".npz" to other names.
     with atomic_write(path) as temporary, temporary.open("wb") as stream:

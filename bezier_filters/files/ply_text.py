@@ -1,4 +1,4 @@
-"""Writers that pymeshlab lacks: text PLY files with any columns, and lines as PLY and OBJ files."""
+"""Writers that pymeshlab lacks: text PLY files with any columns, and lines as PLY, OBJ and VTP files."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -9,9 +9,12 @@ from numpy.typing import NDArray
 
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError
+from bezier_filters.fields import QUALITY
+from bezier_filters.files.host_formats import vtk_text
+from bezier_filters.files.mesh_data import MeshData
 from bezier_filters.runtime.atomic import atomic_write
 
-SUFFIXES = (".ply", ".obj")
+SUFFIXES = (".ply", ".obj", ".vtp")
 
 
 def ply_text(elements: Mapping[str, Mapping[str, NDArray[np.generic]]], comments: Sequence[str] = ()) -> str:
@@ -46,7 +49,7 @@ def color_columns(colors: FloatArray) -> dict[str, IntArray]:
 def check_line_file(path: str | os.PathLike[str]) -> None:
     """Refuse a file name whose suffix is not that of a format for lines."""
     if Path(path).suffix.lower() not in SUFFIXES:
-        raise InvalidParameterError(f"{path}: lines can be saved as {' and '.join(SUFFIXES)} files only")
+        raise InvalidParameterError(f"{path}: lines can be saved as {', '.join(SUFFIXES)} files only")
 
 
 def save_lines(
@@ -54,12 +57,16 @@ def save_lines(
 ) -> None:
     """Write points (k, 3) and edges (e, 2) between them, with a quality (k,) and colours (k, 3) from 0 to 1.
 
-    PLY files are text with an element ``edge``, which MeshLab, pymeshlab and Blender read, with the quality and the
-    colours of the points; OBJ files have ``l`` lines, which ParaView reads, too, and no quality. Coordinates come back
-    exactly.
+    VTP files have all of it, for ParaView and pyvista. PLY files are text with an element ``edge``, which MeshLab,
+    pymeshlab and Blender read, with the quality and the colours of the points; OBJ files have ``l`` lines, which
+    ParaView reads, too, and no quality. Coordinates come back exactly.
     """
     check_line_file(path)
-    if Path(path).suffix.lower() == ".ply":
+    rgba = np.rint(255.0 * np.insert(colors, 3, 1.0, axis=1)).astype(np.uint8)
+    if Path(path).suffix.lower() == ".vtp":
+        data = MeshData(points, np.empty((0, 3), np.int32), None, rgba, {QUALITY: values})
+        text = vtk_text(data, is_grid=False, edges=edges)
+    elif Path(path).suffix.lower() == ".ply":
         vertices = coordinate_columns(points) | color_columns(np.insert(colors, 3, 1.0, axis=1))
         ends = {"int vertex1": edges[:, 0], "int vertex2": edges[:, 1]}
         text = ply_text({"vertex": vertices | {"double quality": values}, "edge": ends})

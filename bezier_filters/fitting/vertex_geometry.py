@@ -1,9 +1,10 @@
 """The result of the fit at every vertex: normals, curvatures and their derivatives, directions, torsion."""
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.differential_geometry import (
@@ -13,9 +14,11 @@ from bezier_filters.differential_geometry import (
     tangent_angles,
     unit_directions,
 )
-from bezier_filters.display import html_table, noise_in_words, summary
+from bezier_filters.display import noise_in_words, summary
+from bezier_filters.field_arrays import result_arrays, split_vectors
 from bezier_filters.fields import ESTIMATES, GRADE, fields_of
 from bezier_filters.meshes.unit_size import CURVATURE, LENGTH, SQUARED_CURVATURE
+from bezier_filters.result_tables import Table, TabularResult
 from bezier_filters.status import FitStatus
 
 # quantities that notebooks list, and their units
@@ -92,8 +95,45 @@ class FitChoice:
         return noise_in_words(self.noise_sigma, self.noise_length, self.noise_heavy, reason=self.noise_reason)
 
 
+class _DerivedGeometry(DerivedCurvatures):
+    """What follows from principal curvatures, directions and status; fields of a `VertexGeometry` of these names."""
+
+    direction_min: FloatArray
+    direction_max: FloatArray
+    status: IntArray
+
+    @property
+    def fit_grade(self) -> IntArray:
+        """`FitStatus` as files and meshes hold it, (n,) int32: from 9 for ``OK`` to 0 where nothing was estimated."""
+        return np.int32(FitStatus.SKIPPED) - self.status
+
+    @property
+    def curvedness(self) -> FloatArray:
+        """Koenderink's curvedness sqrt((k_min^2 + k_max^2) / 2), shape (n,), 1/length."""
+        return np.asarray(np.hypot(self.k_min, self.k_max) * np.sqrt(0.5))
+
+    @property
+    def shape_index(self) -> FloatArray:
+        """Koenderink's shape index (2/pi) atan((k_max + k_min) / (k_max - k_min)), in [-1, 1].
+
+        +1 is a convex cap, 0.5 a ridge, 0 a symmetric saddle, -0.5 a rut, -1 a cup. It is 0
+        where both curvatures vanish and the index is undefined.
+        """
+        return np.arctan2(self.k_max + self.k_min, self.k_max - self.k_min) * (2.0 / np.pi)
+
+    @property
+    def torsion_direction_plus(self) -> FloatArray:
+        """Directions of the largest torsion, +t_max, (n, 3); undefined at umbilics, without sign."""
+        return np.asarray((self.direction_max + self.direction_min) * np.sqrt(0.5))
+
+    @property
+    def torsion_direction_minus(self) -> FloatArray:
+        """Directions of the smallest torsion, -t_max, (n, 3); undefined at umbilics, without sign."""
+        return np.asarray((self.direction_max - self.direction_min) * np.sqrt(0.5))
+
+
 @dataclass(frozen=True, repr=False)
-class VertexGeometry(DerivedCurvatures):
+class VertexGeometry(_DerivedGeometry, TabularResult):
     """Differential geometry at the vertices of a mesh; row ``i`` belongs to vertex ``i``.
 
     Curvatures are positive on a convex body with outward normals (MeshLab's sign) and have the
@@ -139,6 +179,12 @@ class VertexGeometry(DerivedCurvatures):
     noise_free : (n, 3) float64 or None
         The denoised vertices, as in `smooth` before it restores volumes, if they were needed to find the sharp edges at
         which neighbourhoods end.
+    mean_curvature, gaussian_curvature, geodesic_torsion, curvedness, shape_index : (n,) float64
+        Derived from `k_min` and `k_max`, whenever they are read.
+    torsion_direction_plus, torsion_direction_minus : (n, 3) float64
+        Derived from the principal directions.
+    fit_grade : (n,) int32
+        Derived from `status`.
     """
 
     normals: FloatArray
@@ -158,30 +204,19 @@ class VertexGeometry(DerivedCurvatures):
     fit: FitChoice
     condition_number: FloatArray | None = None
     noise_free: FloatArray | None = field(default=None, metadata=LENGTH)
+    mean_curvature: FloatArray = field(init=False, metadata=CURVATURE)
+    gaussian_curvature: FloatArray = field(init=False, metadata=SQUARED_CURVATURE)
+    geodesic_torsion: FloatArray = field(init=False, metadata=CURVATURE)
+    curvedness: FloatArray = field(init=False, metadata=CURVATURE)
+    shape_index: FloatArray = field(init=False)
+    torsion_direction_plus: FloatArray = field(init=False)
+    torsion_direction_minus: FloatArray = field(init=False)
+    fit_grade: IntArray = field(init=False)
 
     @property
     def noise_sigma(self) -> float | None:
         """Standard deviation of the noise along the normal, a length; None where it was not learned."""
         return self.fit.noise_sigma
-
-    @property
-    def fit_grade(self) -> IntArray:
-        """`FitStatus` as files and meshes hold it, (n,) int32: from 9 for ``OK`` to 0 where nothing was estimated."""
-        return np.int32(FitStatus.SKIPPED) - self.status
-
-    @property
-    def curvedness(self) -> FloatArray:
-        """Koenderink's curvedness sqrt((k_min^2 + k_max^2) / 2), shape (n,), 1/length."""
-        return np.asarray(np.hypot(self.k_min, self.k_max) * np.sqrt(0.5))
-
-    @property
-    def shape_index(self) -> FloatArray:
-        """Koenderink's shape index (2/pi) atan((k_max + k_min) / (k_max - k_min)), in [-1, 1].
-
-        +1 is a convex cap, 0.5 a ridge, 0 a symmetric saddle, -0.5 a rut, -1 a cup. It is 0
-        where both curvatures vanish and the index is undefined.
-        """
-        return np.arctan2(self.k_max + self.k_min, self.k_max - self.k_min) * (2.0 / np.pi)
 
     def curvature_along(self, directions: ArrayLike) -> FloatArray:
         """Normal curvature of the surface in given directions.
@@ -320,16 +355,6 @@ class VertexGeometry(DerivedCurvatures):
         """
         return self.torsion_direction_plus, self.torsion_direction_minus
 
-    @property
-    def torsion_direction_plus(self) -> FloatArray:
-        """Directions of the largest torsion, +t_max, (n, 3); see `torsion_directions`."""
-        return np.asarray((self.direction_max + self.direction_min) * np.sqrt(0.5))
-
-    @property
-    def torsion_direction_minus(self) -> FloatArray:
-        """Directions of the smallest torsion, -t_max, (n, 3); see `torsion_directions`."""
-        return np.asarray((self.direction_max - self.direction_min) * np.sqrt(0.5))
-
     def status_counts(self) -> dict[str, int]:
         """Number of vertices per status name, from best to worst, without zeros."""
         counts = np.bincount(self.status, minlength=len(FitStatus))
@@ -339,16 +364,18 @@ class VertexGeometry(DerivedCurvatures):
         """One line: how many vertices there are of every status, and how they were fitted."""
         return f"VertexGeometry({len(self.status)} vertices: {self.status_counts()}; {self.fit})"
 
-    def _repr_html_(self) -> str:
-        """Tables for notebooks."""
+    def _tables(self) -> list[Table]:
         known = self.status <= FitStatus.FOLDED
         rows = [summary(name, unit, getattr(self, name)[known]) for name, unit in _SHOWN.items()]
         counts = [(FitStatus[name].message, name, count) for name, count in self.status_counts().items()]
-        return html_table(
-            ": ".join(filter(None, [f"Geometry of {len(self.status):,} vertices", self.fit.noise])),
-            ["", "unit", "min", "median", "max"],
-            rows,
-        ) + html_table("Fits", ["outcome", "status", "vertices"], counts)
+        title = ": ".join(filter(None, [f"Geometry of {len(self.status):,} vertices", self.fit.noise]))
+        return [
+            Table(title, ["", "unit", "min", "median", "max"], rows),
+            Table("Fits", ["outcome", "status", "vertices"], counts),
+        ]
+
+    def _columns(self) -> dict[str, NDArray[Any]]:
+        return split_vectors(result_arrays(self, *ESTIMATES))
 
 
 def arrays_of(geometry: VertexGeometry) -> dict[str, FloatArray | IntArray]:

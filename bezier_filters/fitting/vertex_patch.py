@@ -6,17 +6,18 @@ from numpy.typing import ArrayLike
 from bezier_filters.errors import InvalidParameterError, is_integer
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.frames import farthest_direction, tangent_planes
-from bezier_filters.meshes.mesh import takes_arrays, triangle_mesh
+from bezier_filters.meshes.mesh import takes_meshes, triangle_mesh
+from bezier_filters.meshes.mesh_objects import MeshLike
 from bezier_filters.meshes.neighbourhoods import MAX_NEIGHBOURHOOD_RINGS, collect_ring
 from bezier_filters.patches.patch import BezierPatch
 from bezier_filters.patches.patch_fit import PatchFit, fit_patch
 from bezier_filters.patches.smoothness import Smoothness
 
 
-@takes_arrays
+@takes_meshes
 def vertex_patch(
-    vertices: ArrayLike,
-    faces: ArrayLike,
+    vertices: ArrayLike | MeshLike,
+    faces: ArrayLike | None,
     vertex: int,
     *,
     rings: int = 2,
@@ -28,8 +29,8 @@ def vertex_patch(
 
     Parameters
     ----------
-    vertices : (n, 3) array_like of float
-        Coordinates.
+    vertices : (n, 3) array_like of float, or mesh object
+        Coordinates; or a mesh of another library, see `mesh_arrays`, and no faces.
     faces : (m, 3) array_like of int
         Triangles, counter-clockwise seen from outside.
     vertex : int

@@ -15,7 +15,8 @@ from bezier_filters.holes.hole import Hole
 from bezier_filters.holes.hole_detection import find_holes, measure_hole
 from bezier_filters.holes.hole_filling import HoleFillingResult, fill_chosen
 from bezier_filters.holes.loops import vector_area
-from bezier_filters.meshes.mesh import takes_arrays, triangle_mesh
+from bezier_filters.meshes.mesh import takes_meshes, triangle_mesh
+from bezier_filters.meshes.mesh_objects import MeshLike
 from bezier_filters.meshes.prepared_mesh import PreparedMesh, prepare_mesh
 from bezier_filters.meshes.unit_size import normalizes_size
 from bezier_filters.runtime.parallel import Progress, runs_on_threads
@@ -41,12 +42,12 @@ class BridgingResult(HoleFillingResult):
     pairs: tuple[tuple[int, int], ...]
 
 
-@takes_arrays
+@takes_meshes
 @normalizes_size("noise")
 @runs_on_threads
 def bridge_holes(
-    vertices: ArrayLike,
-    faces: ArrayLike,
+    vertices: ArrayLike | MeshLike,
+    faces: ArrayLike | None = None,
     pairs: Pairs = "auto",
     *,
     intersecting: bool = False,
@@ -63,8 +64,8 @@ def bridge_holes(
 
     Parameters
     ----------
-    vertices : (n, 3) array_like of float
-        Coordinates.
+    vertices : (n, 3) array_like of float, or mesh object
+        Coordinates; or a mesh of another library, see `mesh_arrays`, and no faces.
     faces : (m, 3) array_like of int
         Triangles, counter-clockwise seen from outside.
     pairs : "auto" or sequence of (int, int)

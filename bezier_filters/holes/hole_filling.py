@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
-from bezier_filters.display import html_table
 from bezier_filters.holes.fill_choice import FaceSet
 from bezier_filters.holes.fill_methods import (
     FillingMethod,
@@ -26,15 +25,17 @@ from bezier_filters.holes.fill_methods import (
 )
 from bezier_filters.holes.hole import Hole
 from bezier_filters.holes.hole_detection import HoleChoice, find_holes
-from bezier_filters.holes.hole_report import HoleReport, describe_hole
+from bezier_filters.holes.hole_report import HoleReport, describe_hole, hole_columns
 from bezier_filters.holes.influence_region import hole_surroundings, influence_regions
 from bezier_filters.holes.planar_fill import Correction
 from bezier_filters.holes.remaining_mesh import RemainingMesh
 from bezier_filters.holes.rim_trimming import trim_rims
-from bezier_filters.meshes.mesh import check_selection, takes_arrays, triangle_mesh
+from bezier_filters.meshes.mesh import check_selection, takes_meshes, triangle_mesh
+from bezier_filters.meshes.mesh_objects import MeshLike
 from bezier_filters.meshes.prepared_mesh import PreparedMesh, prepare_mesh
 from bezier_filters.meshes.self_intersections import faces_in_boxes
 from bezier_filters.meshes.unit_size import LENGTH, normalizes_size
+from bezier_filters.result_tables import Table, TabularResult
 from bezier_filters.runtime.parallel import Progress, report, run_kernel, runs_on_threads
 from bezier_filters.surface_model.fit_options import check_noise
 
@@ -42,8 +43,19 @@ if TYPE_CHECKING:
     from bezier_filters import Page
 
 
+class _HoleCounts:
+    """What follows from the reports of holes; fields of a `HoleFillingResult` of these names."""
+
+    holes: tuple[HoleReport, ...]
+
+    @property
+    def filled(self) -> int:
+        """Number of holes that were filled."""
+        return sum(hole.filled for hole in self.holes)
+
+
 @dataclass(frozen=True, repr=False)
-class HoleFillingResult:
+class HoleFillingResult(_HoleCounts, TabularResult):
     """A mesh with filled holes.
 
     Attributes
@@ -60,6 +72,8 @@ class HoleFillingResult:
         estimated.
     old_vertices, old_faces : (n,) and (m,) int32
         Rows of the old vertices and faces in the given mesh: all of them, unless some were trimmed.
+    filled : int
+        Derived: number of holes that were filled.
     """
 
     vertices: FloatArray = field(metadata=LENGTH)
@@ -68,11 +82,7 @@ class HoleFillingResult:
     noise: float | None = field(metadata=LENGTH)
     old_vertices: IntArray
     old_faces: IntArray
-
-    @property
-    def filled(self) -> int:
-        """Number of holes that were filled."""
-        return sum(hole.filled for hole in self.holes)
+    filled: int = field(init=False)
 
     def show(self) -> "Page":
         """Show the mesh before and after in a notebook, as `bezier_filters.show` does."""
@@ -88,8 +98,7 @@ class HoleFillingResult:
             f"{self.filled} of {len(self.holes)} holes filled)"
         )
 
-    def _repr_html_(self) -> str:
-        """Table of the holes for notebooks."""
+    def _tables(self) -> list[Table]:
         header = ["edges", "diameter [length]", "fill", "new faces", "rim angle [degrees]", "remarks"]
         rows = [
             [
@@ -102,15 +111,18 @@ class HoleFillingResult:
             ]
             for hole in self.holes
         ]
-        return html_table(f"{self.filled:,} of {len(self.holes):,} holes filled", header, rows)
+        return [Table(f"{self.filled:,} of {len(self.holes):,} holes filled", header, rows)]
+
+    def _columns(self) -> dict[str, list[object]]:
+        return hole_columns(self.holes)
 
 
-@takes_arrays
+@takes_meshes
 @normalizes_size("max_perimeter", "max_diameter", "noise")
 @runs_on_threads
 def fill_holes(
-    vertices: ArrayLike,
-    faces: ArrayLike,
+    vertices: ArrayLike | MeshLike,
+    faces: ArrayLike | None = None,
     method: FillingMethod = "auto",
     *,
     max_edges: int | None = None,
@@ -150,8 +162,8 @@ def fill_holes(
 
     Parameters
     ----------
-    vertices : (n, 3) array_like of float
-        Coordinates.
+    vertices : (n, 3) array_like of float, or mesh object
+        Coordinates; or a mesh of another library, see `mesh_arrays`, and no faces.
     faces : (m, 3) array_like of int
         Triangles, counter-clockwise seen from outside.
     method : {"auto", "surface", "flat", "paper"}

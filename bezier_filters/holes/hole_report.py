@@ -1,6 +1,8 @@
 """What became of a hole."""
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields
+from typing import Any
 
 import numpy as np
 
@@ -77,3 +79,11 @@ def describe_hole(hole: Hole, reason: str = "") -> HoleReport:
     return HoleReport(
         hole.rim, islands, hole.edge_count, hole.perimeter, hole.diameter, hole.is_outer_rim, reason=reason
     )
+
+
+def hole_columns(holes: Sequence[HoleReport]) -> dict[str, list[object]]:
+    """Columns with a row for each hole; of vertices, faces and edges their number."""
+    names = [entry.name for entry in fields(HoleReport)]
+    values: dict[str, list[Any]] = {name: [getattr(hole, name) for hole in holes] for name in names}
+    counted = ("rim", "creases", "new_vertices", "new_faces")
+    return values | {name: [len(value) for value in values[name]] for name in counted}

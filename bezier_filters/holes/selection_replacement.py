@@ -13,13 +13,12 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
-from bezier_filters.display import html_table
 from bezier_filters.errors import InvalidParameterError, is_integer
 from bezier_filters.holes.fill_methods import FillingMethod, FillOptions
 from bezier_filters.holes.hole import Hole
 from bezier_filters.holes.hole_detection import ORIENT_HINT, measure_hole
 from bezier_filters.holes.hole_filling import HoleFillingResult, fill_chosen
-from bezier_filters.holes.hole_report import HoleReport, describe_hole
+from bezier_filters.holes.hole_report import HoleReport, describe_hole, hole_columns
 from bezier_filters.holes.loops import diameter
 from bezier_filters.holes.remaining_mesh import RemainingMesh, remove_faces
 from bezier_filters.holes.removed_material import cone_volume, largest_height
@@ -30,9 +29,11 @@ from bezier_filters.meshes.half_edges import (
     faces_at_edges,
     half_edge_twins,
 )
-from bezier_filters.meshes.mesh import TriangleMesh, check_selection, takes_arrays, triangle_mesh
+from bezier_filters.meshes.mesh import TriangleMesh, check_selection, takes_meshes, triangle_mesh
+from bezier_filters.meshes.mesh_objects import MeshLike
 from bezier_filters.meshes.triangles import area_vectors
 from bezier_filters.meshes.unit_size import AREA, LENGTH, VOLUME, normalizes_size
+from bezier_filters.result_tables import Table, TabularResult
 from bezier_filters.runtime.parallel import Progress, runs_on_threads
 from bezier_filters.surface_model.fit_options import check_noise
 
@@ -72,8 +73,19 @@ class ReplacedPatch:
         return self.hole.filled
 
 
+class _PatchCounts:
+    """What follows from the patches; fields of a `ReplacementResult` of these names."""
+
+    patches: tuple[ReplacedPatch, ...]
+
+    @property
+    def replaced(self) -> int:
+        """Number of patches that were replaced."""
+        return sum(patch.replaced for patch in self.patches)
+
+
 @dataclass(frozen=True, repr=False)
-class ReplacementResult:
+class ReplacementResult(_PatchCounts, TabularResult):
     """A mesh whose selected faces were replaced.
 
     Attributes
@@ -91,6 +103,8 @@ class ReplacementResult:
     noise : float or None
         Standard deviation of the noise along the normal that the fills assume, a length; None if it could not be
         estimated.
+    replaced : int
+        Derived: number of patches that were replaced.
     """
 
     vertices: FloatArray = field(metadata=LENGTH)
@@ -99,11 +113,7 @@ class ReplacementResult:
     old_faces: IntArray
     patches: tuple[ReplacedPatch, ...]
     noise: float | None = field(metadata=LENGTH)
-
-    @property
-    def replaced(self) -> int:
-        """Number of patches that were replaced."""
-        return sum(patch.replaced for patch in self.patches)
+    replaced: int = field(init=False)
 
     def __repr__(self) -> str:
         """One line: how many patches there were, and how many were replaced."""
@@ -112,8 +122,7 @@ class ReplacementResult:
             f"{self.replaced} of {len(self.patches)} patches replaced)"
         )
 
-    def _repr_html_(self) -> str:
-        """Table of the patches for notebooks."""
+    def _tables(self) -> list[Table]:
         header = ["old faces", "fill", "new faces", "removed volume", "removed height", "remarks"]
         rows = [
             [
@@ -126,15 +135,22 @@ class ReplacementResult:
             ]
             for patch in self.patches
         ]
-        return html_table(f"{self.replaced:,} of {len(self.patches):,} patches replaced", header, rows)
+        return [Table(f"{self.replaced:,} of {len(self.patches):,} patches replaced", header, rows)]
+
+    def _columns(self) -> dict[str, list[object]]:
+        """A row for each patch, with its hole; of faces their number."""
+        names = ("removed_volume", "removed_height", "area")
+        columns: dict[str, list[object]] = {name: [getattr(patch, name) for patch in self.patches] for name in names}
+        counts: dict[str, list[object]] = {"old_faces": [len(patch.old_faces) for patch in self.patches]}
+        return counts | columns | hole_columns([patch.hole for patch in self.patches])
 
 
-@takes_arrays
+@takes_meshes
 @normalizes_size("noise")
 @runs_on_threads
 def replace_selection(
-    vertices: ArrayLike,
-    faces: ArrayLike,
+    vertices: ArrayLike | MeshLike,
+    faces: ArrayLike | None,
     selected: BoolArray,
     *,
     rings: int = 0,
@@ -154,8 +170,8 @@ def replace_selection(
 
     Parameters
     ----------
-    vertices : (n, 3) array_like of float
-        Coordinates.
+    vertices : (n, 3) array_like of float, or mesh object
+        Coordinates; or a mesh of another library, see `mesh_arrays`, and no faces.
     faces : (m, 3) array_like of int
         Triangles, counter-clockwise seen from outside.
     selected : (m,) bool

@@ -10,6 +10,7 @@ from scipy.sparse.csgraph import connected_components
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.meshes.mesh import TriangleMesh, ensure_mesh
+from bezier_filters.meshes.mesh_objects import MeshLike
 from bezier_filters.meshes.triangles import next_corner
 from bezier_filters.runtime.jit import inner_jit, jit
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks, run_kernel
@@ -75,13 +76,13 @@ class Adjacency:
     on_boundary: BoolArray
 
 
-def vertex_adjacency(mesh: TriangleMesh | ArrayLike, faces: ArrayLike | None = None) -> Adjacency:
+def vertex_adjacency(mesh: ArrayLike | MeshLike, faces: ArrayLike | None = None) -> Adjacency:
     """Faces, neighbours and boundary flag of every vertex.
 
     Parameters
     ----------
-    mesh : TriangleMesh, or (n, 3) array_like of float
-        A mesh, or the coordinates of its vertices.
+    mesh : TriangleMesh or other mesh object, or (n, 3) array_like of float
+        A mesh, see `mesh_arrays`, or the coordinates of its vertices.
     faces : (m, 3) array_like of int, optional
         Triangles, if `mesh` is an array.
 

@@ -18,7 +18,8 @@ from bezier_filters.meshes.half_edges import (
     proper_faces,
     weld_vertices,
 )
-from bezier_filters.meshes.mesh import TriangleMesh, ensure_mesh, triangle_mesh
+from bezier_filters.meshes.mesh import TriangleMesh, ensure_mesh, surface_or_points
+from bezier_filters.meshes.mesh_objects import MeshLike
 from bezier_filters.meshes.triangles import area_vectors
 from bezier_filters.runtime.cached_property import cached_property
 
@@ -105,13 +106,13 @@ class MeshReport:
         return self.incoherent_edges == 0
 
 
-def inspect_mesh(mesh: TriangleMesh | ArrayLike, faces: ArrayLike | None = None) -> MeshReport:
+def inspect_mesh(mesh: ArrayLike | MeshLike, faces: ArrayLike | None = None) -> MeshReport:
     """Count what makes a mesh hard to fit: see `MeshReport`.
 
     Parameters
     ----------
-    mesh : TriangleMesh, or (n, 3) array_like of float
-        A mesh, or the coordinates of its vertices.
+    mesh : TriangleMesh or other mesh object, or (n, 3) array_like of float
+        A mesh, see `mesh_arrays`, or the coordinates of its vertices.
     faces : (m, 3) array_like of int, optional
         Triangles, if `mesh` is an array; none for a point cloud.
 
@@ -184,10 +185,8 @@ def _largest_piece(edges: IntArray, n: int) -> int:
     return int(np.bincount(connected_components(graph, directed=False)[1]).max())
 
 
-def _ensure_mesh(mesh: TriangleMesh | ArrayLike, faces: ArrayLike | None) -> TriangleMesh:
-    if isinstance(mesh, TriangleMesh):
-        return ensure_mesh(mesh, faces)
-    return triangle_mesh(mesh, [] if faces is None else faces)
+def _ensure_mesh(mesh: ArrayLike | MeshLike, faces: ArrayLike | None) -> TriangleMesh:
+    return ensure_mesh(mesh) if isinstance(mesh, TriangleMesh) and faces is None else surface_or_points(mesh, faces)
 
 
 def is_fit(mesh: TriangleMesh, report: MeshReport) -> bool:
@@ -206,13 +205,13 @@ def _has_sides(mesh: TriangleMesh) -> bool:
     return bool((np.abs(total).max(initial=0.0)) > 1e-9 * np.abs(normals).max(initial=0.0))
 
 
-def diagnose(mesh: TriangleMesh | ArrayLike, report: MeshReport | ArrayLike | None = None) -> list[str]:
+def diagnose(mesh: ArrayLike | MeshLike, report: MeshReport | ArrayLike | None = None) -> list[str]:
     """List faults that impair the estimates, each with its remedy in pymeshlab; empty if there are none.
 
     Parameters
     ----------
-    mesh : TriangleMesh, or (n, 3) array_like of float
-        A mesh, or the coordinates of its vertices.
+    mesh : TriangleMesh or other mesh object, or (n, 3) array_like of float
+        A mesh, see `mesh_arrays`, or the coordinates of its vertices.
     report : MeshReport, or (m, 3) array_like of int, optional
         From `inspect_mesh` of the same mesh, if available; or triangles, if `mesh` is an array.
 

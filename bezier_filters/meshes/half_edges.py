@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray, unique_rows
 from bezier_filters.meshes.mesh import TriangleMesh, ensure_mesh
+from bezier_filters.meshes.mesh_objects import MeshLike
 from bezier_filters.meshes.triangles import area_vectors, unit_normal
 from bezier_filters.runtime.jit import inner_jit, jit, short_jit
 from bezier_filters.runtime.parallel import run_kernel
@@ -304,7 +305,7 @@ def _group_coincident(points: FloatArray, tolerances: FloatArray) -> IntArray:
     return np.asarray(connected_components(graph, directed=False)[1][place])
 
 
-def boundary_loops(mesh: TriangleMesh | ArrayLike, faces: ArrayLike | None = None) -> list[IntArray]:
+def boundary_loops(mesh: ArrayLike | MeshLike, faces: ArrayLike | None = None) -> list[IntArray]:
     """Ordered boundary loops, one array of vertex indices each.
 
     A loop runs along its faces' own direction: counter-clockwise around the outer rim of a
@@ -313,8 +314,8 @@ def boundary_loops(mesh: TriangleMesh | ArrayLike, faces: ArrayLike | None = Non
 
     Parameters
     ----------
-    mesh : TriangleMesh, or (n, 3) array_like of float
-        A mesh, or the coordinates of its vertices.
+    mesh : TriangleMesh or other mesh object, or (n, 3) array_like of float
+        A mesh, see `mesh_arrays`, or the coordinates of its vertices.
     faces : (m, 3) array_like of int, optional
         Triangles, if `mesh` is an array.
 

@@ -4,7 +4,7 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import wraps
-from typing import NoReturn, ParamSpec, TypeVar
+from typing import Any, NoReturn, ParamSpec, TypeVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,12 +12,11 @@ from numpy.typing import ArrayLike
 from bezier_filters.arguments import brief_repr, checks_arguments, real_array
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
+from bezier_filters.meshes.mesh_objects import MeshLike, arrays_of_object, is_mesh_object
 
 Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")
 
-# attributes of mesh objects of other libraries that arrays do not have: see `mesh_objects`
-_MESH_ATTRIBUTES = ("current_mesh", "vertex_matrix", "points", "vertices", "vertex", "GetPoints", "geometry")
 # bounds of the largest coordinate, in units of the mesh: fourth powers of lengths and curvatures stay within float64
 MIN_COORDINATE, MAX_COORDINATE = 1e-40, 1e40
 
@@ -48,46 +47,74 @@ class TriangleMesh:
         return len(self.faces)
 
 
-def takes_arrays(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
-    """Refuse a mesh object or a path as the first argument of a function of vertices and faces.
+def takes_meshes(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
+    """Let a mesh object be the first argument of a function, in place of its first two, vertices and faces.
 
-    Without this check, Python would only report that the faces are missing. The other arguments are checked by their
-    annotations.
+    Later arguments move up. Paths are refused. The other arguments are checked by their annotations.
 
-    >>> @takes_arrays
-    ... def count(vertices, faces):
-    ...     return len(vertices)
-    >>> count([[0, 0, 0]], [])
-    1
+    >>> @takes_meshes
+    ... def count(vertices, faces=None, factor=1):
+    ...     return factor * len(vertices)
+    >>> mesh = triangle_mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    >>> count(mesh.vertices, mesh.faces, 2), count(mesh, 2)
+    (6, 6)
     >>> count("scan.ply")
     Traceback (most recent call last):
         ...
-    bezier_filters.errors.InvalidMeshError: vertices: got a str, expected an array of shape (n, 3); \
-`vertices, faces = bezier_filters.mesh_arrays(...)` reads meshes and files
+    bezier_filters.errors.InvalidMeshError: vertices: got a str, expected an array of shape (n, 3) or a mesh object; \
+`vertices, faces = bezier_filters.mesh_arrays(...)` reads files
     """
     checks = checks_arguments(function)
 
     @wraps(function)
     def wrapper(*args: Parameters.args, **options: Parameters.kwargs) -> Result:
         first = args[0] if args else options.get("vertices")
-        if isinstance(first, str | os.PathLike) or any(hasattr(first, name) for name in _MESH_ATTRIBUTES):
+        if isinstance(first, str | os.PathLike):
             raise InvalidMeshError(
-                f"vertices: got a {type(first).__name__}, expected an array of shape (n, 3); "
-                "`vertices, faces = bezier_filters.mesh_arrays(...)` reads meshes and files"
+                f"vertices: got a {type(first).__name__}, expected an array of shape (n, 3) or a mesh object; "
+                "`vertices, faces = bezier_filters.mesh_arrays(...)` reads files"
             )
-        return checks(*args, **options)
+        if not is_mesh_object(first):
+            return checks(*args, **options)
+        rest, faces = args[1:], options.pop("faces", None)
+        if rest and (rest[0] is None or _are_faces(rest[0])):
+            faces, rest = rest[0], rest[1:]
+        _refuse_faces(first, faces)
+        options.pop("vertices", None)
+        unwrapped: Any = checks
+        return cast("Result", unwrapped(*arrays_of_object(first), *rest, **options))
 
     return wrapper
 
 
-@takes_arrays
-def triangle_mesh(vertices: ArrayLike, faces: ArrayLike) -> TriangleMesh:
+def _are_faces(value: object) -> bool:
+    """Whether an argument after a mesh object seems to be an array of faces, rather than the next argument."""
+    if not (hasattr(value, "__array__") or isinstance(value, tuple | list)):
+        return False
+    try:
+        shape = np.shape(cast("ArrayLike", value))
+    except ValueError:  # rows of different lengths
+        return False
+    return len(shape) == 2 and shape[1] == 3
+
+
+def _refuse_faces(mesh: object, faces: object) -> None:
+    """Refuse faces that come with a mesh object."""
+    if faces is not None:
+        raise InvalidMeshError(
+            f"faces: got both a {type(mesh).__name__} and {brief_repr(faces)}, expected the mesh alone"
+        )
+
+
+@takes_meshes
+def triangle_mesh(vertices: ArrayLike | MeshLike, faces: ArrayLike | None = None) -> TriangleMesh:
     """Validate arrays and make a mesh of them.
 
     Parameters
     ----------
     vertices : (n, 3) array_like
-        Coordinates; converted to contiguous float64.
+        Coordinates; converted to contiguous float64. Or a mesh object of another library, see `mesh_arrays`, and no
+        faces.
     faces : (m, 3) array_like of integers
         Vertex indices; converted to contiguous int32.
 
@@ -121,15 +148,23 @@ def triangle_mesh(vertices: ArrayLike, faces: ArrayLike) -> TriangleMesh:
     return TriangleMesh(points, np.ascontiguousarray(triangles, dtype=np.int32))
 
 
-def ensure_mesh(mesh: TriangleMesh | ArrayLike, faces: ArrayLike | None = None) -> TriangleMesh:
-    """Return a mesh unchanged, or make one of vertices and faces."""
+def surface_or_points(vertices: ArrayLike | MeshLike, faces: ArrayLike | None = None) -> TriangleMesh:
+    """Mesh of vertices and faces, or of a mesh object; without faces a point cloud."""
+    if is_mesh_object(vertices):
+        _refuse_faces(vertices, faces)
+        vertices, faces = arrays_of_object(vertices)
+    return triangle_mesh(vertices, [] if faces is None else faces)
+
+
+def ensure_mesh(mesh: ArrayLike | MeshLike, faces: ArrayLike | None = None) -> TriangleMesh:
+    """Return a TriangleMesh unchanged, or make one of another mesh object, or of vertices and faces."""
     if isinstance(mesh, TriangleMesh):
-        if faces is not None:
-            raise InvalidMeshError(f"got a TriangleMesh and {brief_repr(faces)}, expected the mesh alone")
+        _refuse_faces(mesh, faces)
         return mesh
-    if faces is None:
+    if faces is None and not is_mesh_object(mesh):
         raise InvalidMeshError(
-            f"mesh: got {brief_repr(mesh)}, expected a TriangleMesh (see triangle_mesh), or vertices and faces"
+            f"mesh: got {brief_repr(mesh)}, expected a TriangleMesh (see triangle_mesh) or another mesh object, or "
+            "vertices and faces"
         )
     return triangle_mesh(mesh, faces)
 
@@ -159,7 +194,7 @@ def _refuse_coordinates(points: FloatArray) -> NoReturn:
     )
 
 
-def _real_array(vertices: ArrayLike) -> FloatArray:
+def _real_array(vertices: object) -> FloatArray:
     try:
         points = real_array(vertices)
     except (TypeError, ValueError) as error:
@@ -169,7 +204,7 @@ def _real_array(vertices: ArrayLike) -> FloatArray:
     return points
 
 
-def _index_array(faces: ArrayLike) -> IntArray:
+def _index_array(faces: ArrayLike | None) -> IntArray:
     if faces is None:
         raise InvalidMeshError(
             "faces: got None, expected integers of shape (m, 3); this needs a surface: reconstruct one from the points "

@@ -96,6 +96,8 @@ def _rescale(value: Any, exponent: int) -> Any:
         return value
     changed = {}
     for field in dataclasses.fields(value):
+        if not field.init:  # derived from others
+            continue
         old, power = getattr(value, field.name), field.metadata.get(_POWER)
         if power is not None and old is not None:
             changed[field.name] = old * ldexp(1.0, power * exponent)

@@ -3,7 +3,6 @@
 import locale
 import os
 import re
-import uuid
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -17,13 +16,13 @@ from bezier_filters.arrays import BoolArray, FloatArray
 from bezier_filters.errors import FieldFileError, MeshFileNote, MeshFileWarning
 from bezier_filters.fields import PREFIX
 from bezier_filters.files.field_files import read_fields
+from bezier_filters.files.host_formats import WRITERS
 from bezier_filters.files.lost_rows import find_lost_rows
 from bezier_filters.files.mesh_checks import check_mesh_file
-from bezier_filters.files.readable_copies import is_misread, write_copy
+from bezier_filters.files.mesh_data import shrink_ply
 from bezier_filters.meshlab.mesh_attributes import SCALAR, list_attributes
 from bezier_filters.meshlab.meshset import (
     BezierFilterError,
-    Mesh,
     MeshSet,
     PyMeshLabException,
     current_mesh,
@@ -31,37 +30,16 @@ from bezier_filters.meshlab.meshset import (
     preserve_filter_script,
     reason_of,
 )
+from bezier_filters.meshlab.readable_files import open_as_ply, openable, utf8_folder
+from bezier_filters.meshlab.save_formats import FIELD_SUFFIX, format_of, rounding_remarks, write_data
 from bezier_filters.runtime.atomic import atomic_write, temporary_folder
-from bezier_filters.runtime.file_names import is_utf8, printable_path
+from bezier_filters.runtime.file_names import printable_path
 from bezier_filters.runtime.supervision import limit_memory, limit_time, note_activity
 
 # processor time after which a reader counts as hanging: seconds for any file, and bytes per additional second
 MIN_READER_SECONDS, MIN_READER_RATE = 60.0, 50_000.0
 _ATTRIBUTE_NAME = re.compile(f"{PREFIX}[a-z0-9_]+")  # attribute names that all filters of pymeshlab accept
 _NORMAL_LENGTH_TOLERANCE = 1e-3  # deviation from unit length of normals that were rounded in files
-
-
-FIELD_SUFFIX = ".ply"  # suffix of the format with quality and ``bz_*`` columns, which pymeshlab does not read
-_SIX_DIGIT_ROUNDING, _SINGLE_ROUNDING = 5e-6, 2.0**-24
-# largest error of a coordinate in each format for saving: relative to the largest coordinate, and as a length
-_ROUNDING = {
-    **dict.fromkeys((FIELD_SUFFIX, ".obj", ".off"), (0.0, 0.0)),
-    **dict.fromkeys((".dae", ".x3d", ".wrl"), (_SIX_DIGIT_ROUNDING, 0.0)),
-    **dict.fromkeys((".stl", ".3ds", ".ctm", ".dxf"), (_SINGLE_ROUNDING, 0.0)),
-    ".3mf": (_SINGLE_ROUNDING, 5e-7),
-}
-SAVE_SUFFIXES = tuple(_ROUNDING)
-
-
-def format_of(path: str | os.PathLike[str]) -> str:
-    """Suffix, in lower case, of a file to save, which determines the format; unknown formats are refused."""
-    suffix = Path(os.path.realpath(path)).suffix.lower()
-    if suffix not in _ROUNDING:
-        raise BezierFilterError(
-            f"cannot write {printable_path(path)}: unknown format {suffix or 'without a suffix'}; "
-            f"use one of {' '.join(SAVE_SUFFIXES)}"
-        )
-    return suffix
 
 
 @checks_arguments
@@ -71,9 +49,10 @@ def load_mesh(path: str | os.PathLike[str], *, attributes: bool = True, skip: bo
     Parameters
     ----------
     path : path
-        File of any format that pymeshlab reads.
+        File of any format that pymeshlab reads; or VTP or VTU (surfaces and points), NPZ (arrays ``vertices`` and
+        ``faces``), CSV (points with a header) or LAS.
     attributes : bool
-        Whether the columns ``bz_*`` of PLY files, as `save_mesh` writes them, become custom attributes again.
+        Whether the columns ``bz_*`` of files, as `save_mesh` writes them, become custom attributes again.
     skip : bool
         Whether to omit vertices with coordinates that are not finite, and their faces. Later vertices move up, and so
         do the columns of PLY files. Otherwise such a file is refused.
@@ -109,26 +88,31 @@ def load_mesh(path: str | os.PathLike[str], *, attributes: bool = True, skip: bo
     >>> bool(ms.current_mesh().vertex_custom_scalar_attribute_array("bz_geodesic_torsion").any())
     True
     """
-    path = Path(path)
-    meshset, kept = load_rows(path, skip=skip)
-    if attributes:
-        mesh = meshset.current_mesh()
-        for name, values in columns_of(path, kept, mesh.vertex_number()).items():
-            if _ATTRIBUTE_NAME.fullmatch(name):
-                mesh.add_vertex_custom_scalar_attribute(np.where(np.isfinite(values), values, 0.0), name)
+    meshset, columns = load_columns(Path(path), skip=skip)
+    mesh = meshset.current_mesh()
+    for name, values in columns.items() if attributes else ():
+        if _ATTRIBUTE_NAME.fullmatch(name):
+            mesh.add_vertex_custom_scalar_attribute(np.where(np.isfinite(values), values, 0.0), name)
     return meshset
 
 
-def load_rows(path: Path, *, skip: bool) -> tuple[MeshSet, BoolArray | None]:
-    """Load a mesh without its columns; also returns a mask of the vertices of the file that it has, None for all."""
+def load_columns(path: Path, *, skip: bool) -> tuple[MeshSet, dict[str, FloatArray]]:
+    """Load a mesh without its columns, and the columns and the quality of its vertices."""
     _check_regular(path)
+    with open_as_ply(path) as file:
+        meshset, kept = _load_rows(file, skip=skip)
+        return meshset, _columns_of(file, kept, meshset.current_mesh().vertex_number())
+
+
+def _load_rows(path: Path, *, skip: bool) -> tuple[MeshSet, BoolArray | None]:
+    """Load a mesh without its columns; also returns a mask of the vertices of the file that it has, None for all."""
     meshset = MeshSet()
     try:
         promised = check_mesh_file(path)
         size = path.stat().st_size
         patience = limit_time(MIN_READER_SECONDS + size / MIN_READER_RATE)
         with (
-            _openable(path) as opened,
+            openable(path) as opened,
             note_activity(f"reading {printable_path(path)}"),
             limit_memory(size),
             patience,
@@ -171,7 +155,7 @@ def load_rows(path: Path, *, skip: bool) -> tuple[MeshSet, BoolArray | None]:
     return meshset, lost.kept
 
 
-def columns_of(path: Path, kept: BoolArray | None, vertex_count: int) -> dict[str, FloatArray]:
+def _columns_of(path: Path, kept: BoolArray | None, vertex_count: int) -> dict[str, FloatArray]:
     """Columns and quality of a PLY file, restricted to a mask; none if the number of vertices differs."""
     if path.suffix.lower() != FIELD_SUFFIX:
         return {}
@@ -199,41 +183,6 @@ def _merge_layers(ms: MeshSet, label: str) -> None:
         ms.clear_filter_script()
 
 
-@contextmanager
-def _openable(path: Path) -> Iterator[Path]:
-    """A path that pymeshlab can open: UTF-8, and not starting with a colon.
-
-    Otherwise a temporary folder has links to all files of the folder, so that textures and materials are found, and
-    a copy of the file if pymeshlab would misread it.
-    """
-    absolute, converts = path.absolute(), is_misread(path)
-    if is_utf8(str(absolute)) and not absolute.name.startswith(":") and not converts:
-        yield absolute
-        return
-    with temporary_folder() as folder:
-        for other in absolute.parent.iterdir():
-            if is_utf8(other.name):
-                (folder / other.name).symlink_to(other)
-        link = folder / f"{uuid.uuid4().hex}{absolute.suffix}"
-        if converts:
-            write_copy(absolute, link)
-        else:
-            link.symlink_to(absolute)
-        yield link
-
-
-@contextmanager
-def _utf8_folder(folder: Path) -> Iterator[Path]:
-    """A folder, or a link to it that pymeshlab can name."""
-    if is_utf8(str(folder)):
-        yield folder
-        return
-    with temporary_folder() as outer:
-        link = outer / "folder"
-        link.symlink_to(folder, target_is_directory=True)
-        yield link
-
-
 def contents_of(ms: MeshSet) -> list[str]:
     """Data of the current mesh besides its shape, in words.
 
@@ -255,7 +204,12 @@ def contents_of(ms: MeshSet) -> list[str]:
 
 @checks_arguments
 def save_mesh(
-    ms: MeshSet, path: str | os.PathLike[str], *, binary: bool = True, attributes: bool = True
+    ms: MeshSet,
+    path: str | os.PathLike[str],
+    *,
+    binary: bool = True,
+    attributes: bool = True,
+    compact: bool = False,
 ) -> tuple[str, ...]:
     """Save the current mesh with everything that the format can hold.
 
@@ -269,20 +223,28 @@ def save_mesh(
         Only its vertex normals change, to unit length: where a file has none, pymeshlab computes normals of lengths up
         to 6.28 on reading.
     path : path
-        File to write or replace; its suffix determines the format.
+        File to write or replace; its suffix determines the format: one that pymeshlab writes; ``.vtp`` or ``.vtu``, for
+        ParaView, pyvista and meshio; ``.glb`` with colours and normals; ``.npz`` with arrays; or ``.csv`` with a row
+        for each vertex. Vectors are arrays in VTP, VTU and NPZ files, such as ``bz_direction_max``, and codes integers.
     binary : bool
         Whether PLY and STL files are binary. pymeshlab rounds to 6 decimals in ASCII PLY files.
     attributes : bool
         Whether the ``bz_*`` columns are saved where the format has place for them.
+    compact : bool
+        Whether numbers of vertices in binary PLY files, and in formats that pymeshlab lacks, get the smallest type that
+        holds them: codes a byte, estimates and normals single precision (6e-8 of each value, far below their standard
+        errors); coordinates, and other numbers, double precision unless single holds them exactly. Commands do so.
 
     Returns
     -------
     tuple of str
         Remarks on losses: images in formats that pymeshlab does not write, as inside a glTF file, or significant digits
-        of the coordinates.
+        of the coordinates, or faces and textures in formats without them.
 
     Raises
     ------
+    ImportError
+        If pyvista, for VTP and VTU files, or trimesh, for GLB files, is missing.
     BezierFilterError
         If there is no current mesh, the format is unknown or the file cannot be written; the
         message has one line.
@@ -312,10 +274,14 @@ def save_mesh(
     target = Path(os.path.realpath(path))
     _normalize(ms)
     try:
+        if suffix in WRITERS:
+            with atomic_write(target) as temporary:
+                lost = write_data(ms, temporary, attributes=attributes, compact=compact)
+            return lost + rounding_remarks(mesh, suffix)
         with (
             atomic_write(target) as temporary,
             temporary_folder(target.parent) as folder,
-            _utf8_folder(folder) as linked,
+            utf8_folder(folder) as linked,
         ):
             # The name inside the folder is the final one: an OBJ file names its MTL file after itself, on one line.
             staged = linked / "".join(c if c.isprintable() else "_" for c in target.name)
@@ -323,12 +289,14 @@ def save_mesh(
                 remarks = _save(ms, staged, options)
             if not staged.is_file():
                 raise BezierFilterError(f"cannot write {printable_path(path)}: pymeshlab wrote no file")
+            if compact and binary and suffix == FIELD_SUFFIX:
+                shrink_ply(staged)
             os.replace(staged, temporary)
             for companion in folder.iterdir():
                 goal = target.parent / companion.name
                 if companion.name.startswith(staged.name) or not goal.exists():
                     os.replace(companion, goal)
-        return remarks + _rounding_remarks(mesh, suffix)
+        return remarks + rounding_remarks(mesh, suffix)
     except BezierFilterError:
         raise
     except OSError as error:
@@ -367,20 +335,6 @@ def _save(ms: MeshSet, path: Path, options: dict[str, Any]) -> tuple[str, ...]:
     return (
         f"written without the images of its textures ({names}): pymeshlab saves none without a suffix such as .png",
     )
-
-
-def _rounding_remarks(mesh: Mesh, suffix: str) -> tuple[str, ...]:
-    """Remark on the rounding of coordinates by the format, if it exceeds a thousandth of the edges."""
-    if not mesh.is_compact():
-        return ()
-    vertices, faces = mesh.vertex_matrix(), mesh.face_matrix()
-    relative, absolute = _ROUNDING[suffix]
-    error = max(relative * float(np.abs(vertices).max(initial=0.0)), absolute)
-    edges = np.linalg.norm(vertices[faces[:, 1:]] - vertices[faces[:, :1]], axis=2)
-    if not edges.size or error <= 1e-3 * edges.mean():
-        return ()
-    where = f"{suffix} files round coordinates by up to {error:.1g} here, {error / edges.mean():.1g} mean edges"
-    return (f"not exact: {where}; write a PLY or OBJ file, or move the mesh to the origin",)
 
 
 @contextmanager

@@ -12,7 +12,7 @@ from bezier_filters.display import ColorScale, color_range, round_limits
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.feature_lines.crease_lines import COLORS, Creases
 from bezier_filters.fields import FIELDS, GRADE, PREFIX, QUALITY, Field
-from bezier_filters.meshlab.mesh_files import columns_of, load_rows
+from bezier_filters.meshlab.mesh_files import load_columns
 from bezier_filters.meshlab.meshset import current_mesh
 from bezier_filters.pictures.scene import Color, Panel
 from bezier_filters.runtime.file_names import printable_name, printable_path
@@ -80,10 +80,9 @@ def _same(column: FloatArray, quality: FloatArray) -> bool:
 
 def read_mesh_file(path: Path, *, skip: bool = False) -> MeshFile:
     """Read a mesh with its fields; vertices without finite coordinates may be skipped."""
-    ms, kept = load_rows(path, skip=skip)
+    ms, columns = load_columns(path, skip=skip)
     mesh = current_mesh(ms)
     vertices = np.array(mesh.vertex_matrix(), dtype=np.float64)
-    columns = columns_of(path, kept, len(vertices))
     if mesh.has_vertex_scalar():
         columns[QUALITY] = np.array(mesh.vertex_scalar_array(), dtype=np.float64)
     colors = np.array(mesh.vertex_color_matrix()) if mesh.has_vertex_color() else None

@@ -24,7 +24,8 @@ from bezier_filters.feature_lines.crease_lines import Creases, edge_mesh, find_c
 from bezier_filters.fields import ESTIMATES, FIELDS, GRADE, SMOOTH, Field, columns, values_of
 from bezier_filters.fitting.vertex_geometry import VertexGeometry
 from bezier_filters.holes.hole_filling import HoleFillingResult, fill_holes
-from bezier_filters.meshes.mesh import takes_arrays, triangle_mesh
+from bezier_filters.meshes.mesh import surface_or_points, takes_meshes
+from bezier_filters.meshes.mesh_objects import MeshLike
 from bezier_filters.meshlab.hole_filter import fill_warnings
 from bezier_filters.meshlab.meshset import CurrentMesh, Mesh, MeshSet, current_mesh, one_at_a_time
 from bezier_filters.pictures.scene import Panel, up_axis, view_axes
@@ -124,9 +125,9 @@ def report_page(
     return page_of(title, vertices, faces, *results, facts=facts, findings=findings, most_faces=most_faces)
 
 
-@takes_arrays
+@takes_meshes
 def show(
-    vertices: ArrayLike,
+    vertices: ArrayLike | MeshLike,
     faces: ArrayLike | None = None,
     *results: Result,
     title: str = "",
@@ -139,8 +140,9 @@ def show(
 
     Parameters
     ----------
-    vertices : (n, 3) array_like
-        The mesh that the results belong to: for smoothing and hole filling, that before.
+    vertices : (n, 3) array_like, or mesh object
+        The mesh that the results belong to: for smoothing and hole filling, that before. With a mesh object of another
+        library, see `mesh_arrays`, no faces.
     faces : (m, 3) array_like, optional
         Its triangles; None for a point cloud.
     *results : VertexGeometry, Creases, SmoothingResult or HoleFillingResult
@@ -171,7 +173,7 @@ def show(
     >>> bf.show(shape.vertices, shape.faces, result)  # in a notebook, the torus
     Page(scan, smoothed; displacement)
     """
-    mesh = triangle_mesh(vertices, [] if faces is None else faces)
+    mesh = surface_or_points(vertices, faces)
     if not mesh.vertex_count:
         raise InvalidParameterError("vertices: got none, expected one or more")
     names = {VertexGeometry: "geometry", Creases: "creases", SmoothingResult: "smoothed", HoleFillingResult: "filled"}

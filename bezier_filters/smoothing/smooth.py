@@ -1,23 +1,27 @@
 """Smoothing of meshes: the public function `smooth` and its result."""
 
 from dataclasses import dataclass, field
-from typing import Literal, cast
+from typing import Any, Literal, cast
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from bezier_filters.arrays import BoolArray, FloatArray
-from bezier_filters.display import html_table, noise_in_words, noise_level
+from bezier_filters.display import noise_in_words, noise_level
 from bezier_filters.errors import InvalidParameterError, is_integer
+from bezier_filters.field_arrays import result_arrays, split_vectors
+from bezier_filters.fields import AXES, SMOOTH
 from bezier_filters.fitting.fallbacks import fit_patches
 from bezier_filters.fitting.first_call import first_call
 from bezier_filters.fitting.noise_level import explain_unknown_noise, learn_mesh_noise
 from bezier_filters.meshes.half_edges import non_manifold_edge_vertices
-from bezier_filters.meshes.mesh import check_selection, takes_arrays, triangle_mesh
+from bezier_filters.meshes.mesh import check_selection, takes_meshes, triangle_mesh
+from bezier_filters.meshes.mesh_objects import MeshLike
 from bezier_filters.meshes.prepared_mesh import PreparedMesh, longest_edges, prepare_mesh
 from bezier_filters.meshes.spatial_order import ensure_locality
 from bezier_filters.meshes.unit_size import LENGTH, VOLUME, normalizes_size
 from bezier_filters.patches.patch_fit import PatchFit
+from bezier_filters.result_tables import Table, TabularResult
 from bezier_filters.runtime.parallel import Progress, runs_on_threads
 from bezier_filters.smoothing.denoise import SmoothingOptions
 from bezier_filters.smoothing.flipped_faces import bad_faces, repair_flipped_faces
@@ -39,8 +43,38 @@ SmoothedBorders = Literal["curve", "fixed"]
 ROUNDING = 1e-9  # relative rounding of a move
 
 
+class _ChangeMeasures:
+    """What follows from displacements and volumes; fields of a `SmoothingResult` of these names."""
+
+    displacement: FloatArray
+    volume_before: float | None
+    volume_after: float | None
+
+    @property
+    def volume_ratio(self) -> float | None:
+        """Volume after over volume before; None if there is none to compare with."""
+        if not self.volume_before or self.volume_after is None:
+            return None
+        return self.volume_after / self.volume_before
+
+    @property
+    def mean_displacement(self) -> float:
+        """Mean distance that a vertex moved, a length."""
+        return float(self.displacement.mean()) if len(self.displacement) else 0.0
+
+    @property
+    def rms_displacement(self) -> float:
+        """Root mean square of the same."""
+        return float(np.sqrt(np.square(self.displacement).mean())) if len(self.displacement) else 0.0
+
+    @property
+    def max_displacement(self) -> float:
+        """Largest distance that a vertex moved, a length."""
+        return float(self.displacement.max(initial=0.0))
+
+
 @dataclass(frozen=True, repr=False)
-class SmoothingResult:
+class SmoothingResult(_ChangeMeasures, TabularResult):
     """A smoothed mesh, with measures of the change.
 
     Attributes
@@ -81,6 +115,10 @@ class SmoothingResult:
     new_intersecting_faces : int
         Faces that intersect others, where no face at their corners did before; 0 unless smaller moves, which are tried,
         do not help. Not counted with ``method="paper"``.
+    volume_ratio : float or None
+        Derived: volume after over volume before.
+    mean_displacement, rms_displacement, max_displacement : float
+        Derived from `displacement`, lengths.
     """
 
     vertices: FloatArray = field(metadata=LENGTH)
@@ -103,13 +141,10 @@ class SmoothingResult:
     degenerate_after: int
     new_bad_faces: int
     new_intersecting_faces: int
-
-    @property
-    def volume_ratio(self) -> float | None:
-        """Volume after over volume before; None if there is none to compare with."""
-        if not self.volume_before or self.volume_after is None:
-            return None
-        return self.volume_after / self.volume_before
+    volume_ratio: float | None = field(init=False)
+    mean_displacement: float = field(init=False, metadata=LENGTH)
+    rms_displacement: float = field(init=False, metadata=LENGTH)
+    max_displacement: float = field(init=False, metadata=LENGTH)
 
     @property
     def noise(self) -> str:
@@ -117,21 +152,6 @@ class SmoothingResult:
         return noise_in_words(
             self.noise_before, self.noise_length, self.noise_heavy, self.mean_edge, reason=self.noise_reason
         )
-
-    @property
-    def mean_displacement(self) -> float:
-        """Mean distance that a vertex moved, a length."""
-        return float(self.displacement.mean()) if len(self.displacement) else 0.0
-
-    @property
-    def rms_displacement(self) -> float:
-        """Root mean square of the same."""
-        return float(np.sqrt(np.square(self.displacement).mean())) if len(self.displacement) else 0.0
-
-    @property
-    def max_displacement(self) -> float:
-        """Largest distance that a vertex moved, a length."""
-        return float(self.displacement.max(initial=0.0))
 
     def __repr__(self) -> str:
         """One line with the noise and the volume, without the arrays."""
@@ -141,8 +161,7 @@ class SmoothingResult:
             f"{self.new_bad_faces} new bad faces)"
         )
 
-    def _repr_html_(self) -> str:
-        """Tables for notebooks."""
+    def _tables(self) -> list[Table]:
         rows: list[list[object]] = [
             ["noise", "length", self.noise_before, self.noise_after],
             ["volume", "length³", self.volume_before, self.volume_after],
@@ -151,17 +170,23 @@ class SmoothingResult:
         ]
         moved = [["displacement", "length", self.mean_displacement, self.rms_displacement, self.max_displacement]]
         title = f"Smoothing of {len(self.vertices):,} vertices: {self.noise}"
-        return html_table(title, ["", "unit", "before", "after"], rows) + html_table(
-            "Vertices moved by", ["", "unit", "mean", "rms", "max"], moved
-        )
+        return [
+            Table(title, ["", "unit", "before", "after"], rows),
+            Table("Vertices moved by", ["", "unit", "mean", "rms", "max"], moved),
+        ]
+
+    def _columns(self) -> dict[str, NDArray[Any]]:
+        positions = dict(zip(AXES, self.vertices.T, strict=True))
+        more = {"vertex_noise": self.vertex_noise, "outliers": self.outliers}
+        return positions | split_vectors(result_arrays(self, SMOOTH)) | more
 
 
-@takes_arrays
+@takes_meshes
 @normalizes_size("noise", "detail")
 @runs_on_threads
 def smooth(
-    vertices: ArrayLike,
-    faces: ArrayLike,
+    vertices: ArrayLike | MeshLike,
+    faces: ArrayLike | None = None,
     method: SmoothingMethod = "auto",
     *,
     iterations: int = 1,
@@ -191,8 +216,8 @@ def smooth(
 
     Parameters
     ----------
-    vertices : (n, 3) array_like of float
-        Coordinates.
+    vertices : (n, 3) array_like of float, or mesh object
+        Coordinates; or a mesh of another library, see `mesh_arrays`, and no faces.
     faces : (m, 3) array_like of int
         Triangles, counter-clockwise seen from outside.
     method : {"auto", "paper"}

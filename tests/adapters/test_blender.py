@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bezier_filters_adapters.filters import LABELS, field_names, parameters_of
+import bezier_filters as bf
+from bezier_filters_adapters.filters import LABELS, field_names, parameters_of, run
 
 FOLDER = Path(__file__).parents[2] / "adapters" / "bezier_filters_blender"
 
@@ -60,19 +61,21 @@ def operator(blender, name):
     return getattr(blender.ops.object, f"bezier_{name.replace('-', '_')}")
 
 
-def values(mesh, column):
-    found = np.empty(len(mesh.vertices), np.float32)
-    mesh.attributes[column].data.foreach_get("value", found)
+def values(mesh, name):
+    attribute, count = mesh.attributes[name], len(mesh.vertices)
+    is_vector = attribute.data_type == "FLOAT_VECTOR"
+    found = np.empty((count, 3) if is_vector else count, np.int32 if attribute.data_type == "INT" else np.float32)
+    attribute.data.foreach_get("vector" if is_vector else "value", found.ravel())
     return found
 
 
 @pytest.mark.parametrize("name", LABELS)
 def test_operators_have_parameters_and_write_attributes(blender, mesh, name):
     sizes = len(mesh.vertices), len(mesh.polygons)
-    run = operator(blender, name)
-    assert {parameter.name for parameter in parameters_of(name)} <= set(run.get_rna_type().properties.keys())
+    call = operator(blender, name)
+    assert {parameter.name for parameter in parameters_of(name)} <= set(call.get_rna_type().properties.keys())
     for _ in range(2):
-        assert run() == {"FINISHED"}
+        assert call() == {"FINISHED"}
         assert set(field_names(name)) <= set(mesh.attributes.keys())
     assert (len(mesh.vertices), len(mesh.polygons)) == sizes
 
@@ -81,6 +84,30 @@ def test_curvature_is_that_of_the_sphere(blender, mesh):
     operator(blender, "curvature")(rings="2", robust="True")
     assert abs(np.median(values(mesh, "bz_mean_curvature")) - 0.5) < 0.01
     assert values(mesh, "bz_rings_used").min() == 2
+
+
+def test_attributes_have_the_types_of_the_fields(blender, mesh):
+    """Also where an earlier version left numbers of another type."""
+    mesh.attributes.new("bz_fit_grade", "FLOAT", "POINT")
+    operator(blender, "curvature")()
+    found = run("curvature", *bf.mesh_arrays(triangles(mesh)), {}).fields
+    assert values(mesh, "bz_direction_max").shape == (len(mesh.vertices), 3)
+    assert values(mesh, "bz_fit_grade").dtype == values(mesh, "bz_rings_used").dtype == np.int32
+    for name, expected in found.items():
+        np.testing.assert_allclose(values(mesh, name), expected, rtol=1e-6, atol=1e-7)
+
+
+def test_fitted_normals_are_those_of_the_mesh(blender, mesh):
+    operator(blender, "normals")()
+    corners = np.empty((len(mesh.loops), 3), np.float32)
+    mesh.corner_normals.foreach_get("vector", corners.ravel())
+    vertices = np.array([loop.vertex_index for loop in mesh.loops])
+    np.testing.assert_allclose(corners, values(mesh, "bz_normal")[vertices], atol=1e-3)
+
+
+def triangles(mesh):
+    mesh.calc_loop_triangles()
+    return [vertex.co for vertex in mesh.vertices], [triangle.vertices for triangle in mesh.loop_triangles]
 
 
 def test_holes_are_filled_and_polygons_stay(blender, mesh):

@@ -50,13 +50,19 @@ def test_commands_return_a_layer(name):
     assert len(vertices) == len(before)
     assert faces.shape == SHAPE.faces.shape
     assert list(state["metadata"]) == [*field_names(name), "summary"]
-    assert [len(shown) for shown in values] == ([len(vertices)] if field_names(name) else [])
+    assert [shown.shape for shown in values] == [(len(vertices),)]
+    assert all(state["metadata"][field].shape[1:] == (3,) for field in field_names(name) if "direction" in field)
 
 
 def test_a_field_can_be_chosen():
     (*_, values), state, _ = command("curvature")((SHAPE.vertices, SHAPE.faces), field="bz_k_max", rings="2")
     assert state["name"] == "bz_k_max"
     np.testing.assert_array_equal(values, bf.estimate_vertex_geometry(SHAPE.vertices, SHAPE.faces, rings=2).k_max)
+
+
+def test_a_component_of_a_vector_can_be_shown():
+    (*_, values), state, _ = command("curvature")((SHAPE.vertices, SHAPE.faces), field="bz_direction_max_y")
+    np.testing.assert_array_equal(values, state["metadata"]["bz_direction_max"][:, 1])
 
 
 def test_holes_are_filled():

@@ -37,6 +37,41 @@ def test_values_are_those_of_the_function(mesh):
     np.testing.assert_array_equal(mesh.bezier.curvature(rings=2)["bz_k_min"], g.k_min)
 
 
+def test_vectors_are_arrays_and_codes_integers(mesh):
+    """With the names and the types that `to_pyvista` gives."""
+    g = bf.estimate_vertex_geometry(mesh)
+    whole = bf.to_pyvista(mesh, g).point_data
+    for made in (mesh.bezier.normals(), mesh.bezier.curvature(), mesh.bezier.torsion()):
+        assert set(made.point_data) <= {*whole.keys(), "mine"}
+        for name, values in made.point_data.items():
+            if name != "mine":
+                np.testing.assert_array_equal(values, whole[name])
+                assert values.dtype == whole[name].dtype
+    assert mesh.bezier.curvature()["bz_direction_max"].shape == (mesh.n_points, 3)
+    assert mesh.bezier.curvature()["bz_fit_grade"].dtype == np.int32
+    assert mesh.bezier.creases()["bz_crease"].dtype == np.int32
+    assert mesh.bezier.curvature().active_scalars_name == "bz_mean_curvature"
+
+
+def test_fitted_normals_are_active_and_follow_the_mesh(mesh):
+    rng = np.random.default_rng(0)
+    fitted = bf.to_pyvista(SHAPE.vertices + rng.normal(scale=0.02, size=SHAPE.vertices.shape), SHAPE.faces)
+    fitted = fitted.bezier.normals()
+    assert fitted.point_data.active_normals_name == "bz_normal"
+    smoothed = fitted.bezier.smooth()
+    plain = bf.to_pyvista(smoothed.points, SHAPE.faces).compute_normals(split_vertices=False, consistent_normals=False)
+    assert smoothed.point_data.active_normals_name == "bz_normal"
+    np.testing.assert_allclose(smoothed["bz_normal"], plain.point_data["Normals"], atol=1e-6)
+    holed = mesh.remove_cells(range(6)).bezier.normals()
+    closed = holed.bezier.fill_holes()
+    np.testing.assert_array_equal(closed["bz_normal"][: holed.n_points], holed["bz_normal"])
+    np.testing.assert_array_equal(
+        closed["bz_rings_used"], np.pad(holed["bz_rings_used"], (0, closed.n_points - holed.n_points))
+    )
+    assert closed["bz_rings_used"].dtype == np.int32
+    np.testing.assert_allclose(np.linalg.norm(closed["bz_normal"], axis=1), 1.0, atol=1e-6)
+
+
 def test_smoothing_moves_points():
     noisy = SHAPE.vertices + np.random.default_rng(0).normal(scale=0.02, size=SHAPE.vertices.shape)
     made = bf.to_pyvista(noisy, SHAPE.faces).bezier.smooth(borders="fixed")
@@ -92,7 +127,8 @@ def test_polygons_stay():
 
 def test_a_point_cloud_has_normals():
     made = pyvista.PolyData(SHAPE.vertices).bezier.normals()
-    assert (np.einsum("ij,ij->i", np.column_stack([made[f"bz_normal_{a}"] for a in "xyz"]), SHAPE.normals) > 0.9).all()
+    assert (np.einsum("ij,ij->i", made["bz_normal"], SHAPE.normals) > 0.9).all()
+    np.testing.assert_array_equal(made.active_normals, made["bz_normal"])
 
 
 def test_sharp_edges_have_codes():

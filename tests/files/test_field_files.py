@@ -27,7 +27,6 @@ PLY_TYPES = {
     "f": "float",
     "d": "float64",
 }
-DERIVED = ["curvedness", "fit_grade", "gaussian_curvature", "geodesic_torsion", "mean_curvature", "shape_index"]
 TRIANGLE_HEADER = (
     "ply\nformat {format} 1.0\nelement vertex {vertices}\nproperty float x\nproperty double bz_k\n"
     "element face {faces}\nproperty list uchar int vertex_indices\nend_header\n"
@@ -283,7 +282,7 @@ def test_saved_geometry_comes_back_with_every_field(tmp_path: Path) -> None:
     save_fields(path, saved)
     found = read_fields(path)
     assert sorted(found) == sorted(
-        [field.name for field in fields(saved) if isinstance(getattr(saved, field.name), np.ndarray)] + DERIVED
+        [field.name for field in fields(saved) if isinstance(getattr(saved, field.name), np.ndarray)]
     )
     for name, values in found.items():
         np.testing.assert_array_equal(values, getattr(saved, name))

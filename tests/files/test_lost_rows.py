@@ -14,8 +14,9 @@ from bezier_filters import load_mesh, mesh_arrays, read_fields
 from bezier_filters.cli.reading import file_remarks
 from bezier_filters.errors import MeshFileNote, MeshFileWarning
 from bezier_filters.files.mesh_counts import count_mesh
-from bezier_filters.meshlab.mesh_files import SAVE_SUFFIXES, save_mesh
+from bezier_filters.meshlab.mesh_files import save_mesh
 from bezier_filters.meshlab.meshset import BezierFilterError, Mesh, MeshSet
+from bezier_filters.meshlab.save_formats import SAVE_SUFFIXES
 
 ROWS = ["0 0 0", "1 0 0", "0 1 0", "0 0 1", "1 1 1"]
 FACES = [(0, 1, 2), (0, 1, 3), (1, 2, 3), (0, 2, 3), (1, 2, 4)]

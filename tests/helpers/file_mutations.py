@@ -9,7 +9,8 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pymeshlab
 
-from bezier_filters.meshlab.mesh_files import SAVE_SUFFIXES, save_mesh
+from bezier_filters.meshlab.mesh_files import save_mesh
+from bezier_filters.meshlab.save_formats import SAVE_SUFFIXES
 
 MOST_EDITS = 4
 NUMBERS = (b"-1", b"0", b"99999999", b"2147483648", b"1000000000000000000", b"1e999", b"nan", b"-inf", b"", b"x")

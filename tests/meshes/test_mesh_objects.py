@@ -3,6 +3,7 @@
 from types import SimpleNamespace
 
 import numpy as np
+import pymeshlab
 import pytest
 
 import bezier_filters as bf
@@ -25,6 +26,23 @@ def of_open3d():
 def of_open3d_tensors():
     mesh = of_open3d()
     return open3d().t.geometry.TriangleMesh.from_legacy(mesh)
+
+
+def of_meshlib():
+    library = pytest.importorskip("meshlib.mrmeshnumpy", reason="MeshLib is not installed")
+    return library.meshFromFacesVerts(SHAPE.faces, SHAPE.vertices)
+
+
+def of_meshset():
+    ms = pymeshlab.MeshSet()
+    ms.add_mesh(pymeshlab.Mesh(*PAIR))
+    return ms
+
+
+def of_grid():
+    """Polygons as cells of a grid, as meshio and files for ParaView hold them."""
+    pytest.importorskip("pyvista")
+    return bf.to_pyvista(*PAIR).cast_to_unstructured_grid()
 
 
 def of_vedo():
@@ -56,6 +74,11 @@ def of_meshio():
 SOURCES = {
     "Open3D": of_open3d,
     "Open3D tensors": of_open3d_tensors,
+    "MeshLib": of_meshlib,
+    "MeshSet": of_meshset,
+    "grid": of_grid,
+    "surface": lambda: SHAPE,
+    "triangle mesh": lambda: bf.triangle_mesh(*PAIR),
     "vedo": of_vedo,
     "VTK": of_vtk,
     "scene": lambda: of_trimesh().scene(),
@@ -74,10 +97,92 @@ def test_all_faces_are_there(make):
     assert (vertices.dtype, faces.dtype) == (np.float64, np.int32)
 
 
+FUNCTIONS = {
+    "estimate_vertex_geometry": lambda mesh: bf.estimate_vertex_geometry(mesh, rings=2, alpha=0.9).k_max,
+    "smooth": lambda mesh: bf.smooth(mesh, "paper").vertices,
+    "fill_holes": lambda mesh: bf.fill_holes(mesh, "paper", max_edges=9).faces,
+    "bridge_holes": lambda mesh: bf.bridge_holes(mesh, "auto").faces,
+    "replace_selection": lambda mesh: bf.replace_selection(mesh, np.arange(len(SHAPE.faces)) < 6).faces,
+    "find_creases": lambda mesh: bf.find_creases(mesh, GEOMETRY).sharp_edges,
+    "vertex_patch": lambda mesh: bf.vertex_patch(mesh, 7).heights,
+    "triangle_mesh": lambda mesh: bf.triangle_mesh(mesh).faces,
+    "boundary_loops": bf.boundary_loops,
+    "vertex_adjacency": lambda mesh: bf.vertex_adjacency(mesh).vertices.indices,
+    "inspect_mesh": lambda mesh: [bf.inspect_mesh(mesh).mean_edge_length],
+    "diagnose": lambda mesh: np.array(bf.diagnose(mesh)),
+    "to_trimesh": lambda mesh: bf.to_trimesh(mesh).faces,
+    "show": lambda mesh: np.array(bf.show(mesh, GEOMETRY).html),
+}
+GEOMETRY = bf.estimate_vertex_geometry(*PAIR, rings=2, alpha=0.9)
+
+
+@pytest.mark.parametrize("function", FUNCTIONS.values(), ids=FUNCTIONS)
+def test_functions_of_arrays_take_mesh_objects(function):
+    """With the results that their arrays give."""
+    pytest.importorskip("trimesh")
+    expected = function(SHAPE)
+    for make in (of_trimesh, of_vtk, of_meshset, of_grid, of_meshio):
+        np.testing.assert_array_equal(function(make()), expected)
+
+
 @pytest.mark.parametrize("make", [v for k, v in SOURCES.items() if k not in ("pair", "list")])
-def test_functions_of_arrays_refuse_them(make):
-    with pytest.raises(bf.InvalidMeshError, match=r"expected an array .*mesh_arrays"):
-        bf.estimate_vertex_geometry(make())
+def test_mesh_objects_come_without_faces(make):
+    mesh = make()
+    assert len(bf.triangle_mesh(mesh, None).faces) == len(SHAPE.faces)
+    for function in (bf.smooth, bf.triangle_mesh, bf.boundary_loops, bf.inspect_mesh):
+        with pytest.raises(bf.InvalidMeshError, match=rf"faces: got both a {type(mesh).__name__} and"):
+            function(mesh, SHAPE.faces)
+    with pytest.raises(bf.InvalidMeshError, match="faces: got both"):
+        bf.smooth(mesh, faces=SHAPE.faces)
+
+
+def test_results_are_meshes_if_they_have_faces():
+    filled = bf.fill_holes(SHAPE.vertices, SHAPE.faces[4:])
+    assert not bf.boundary_loops(filled)
+    smoothed = bf.smooth(*PAIR, "paper")
+    with pytest.raises(bf.InvalidMeshError, match="got SmoothingResult, which has no faces; pass its vertices"):
+        bf.estimate_vertex_geometry(smoothed)
+
+
+def test_clouds_need_no_faces():
+    expected = bf.estimate_vertex_geometry(SHAPE.vertices, None, rings=2).k_max
+    trimesh = pytest.importorskip("trimesh")
+    for cloud in (SHAPE.vertices, trimesh.PointCloud(SHAPE.vertices), bf.to_pyvista(SHAPE.vertices)):
+        np.testing.assert_array_equal(bf.estimate_vertex_geometry(cloud, rings=2).k_max, expected)
+        with pytest.raises(bf.InvalidMeshError, match=r"faces: got None, .* this needs a surface"):
+            bf.smooth(cloud)
+
+
+def test_paths_are_no_mesh_objects():
+    for function in (bf.estimate_vertex_geometry, bf.smooth, bf.to_pyvista):
+        with pytest.raises(bf.InvalidMeshError, match=r"got a str, expected an array .*mesh_arrays.* reads files"):
+            function("scan.ply")
+
+
+def test_removed_faces_of_meshlib_are_gone():
+    mesh = of_meshlib()
+    import meshlib.mrmeshpy
+
+    removed = meshlib.mrmeshpy.FaceBitSet()
+    removed.resize(len(SHAPE.faces))
+    for k in (3, 4, 7):
+        removed.set(meshlib.mrmeshpy.FaceId(k), True)
+    mesh.topology.deleteFaces(removed)
+    np.testing.assert_array_equal(bf.triangle_mesh(mesh).faces, np.delete(SHAPE.faces, [3, 4, 7], axis=0))
+
+
+@pytest.mark.parametrize("faces", [SHAPE.faces, None])
+def test_open3d_has_the_fields_and_gives_the_mesh_back(faces):
+    open3d()
+    mesh = bf.to_open3d(SHAPE.vertices, faces, GEOMETRY)
+    vertices, corners = bf.mesh_arrays(mesh)
+    np.testing.assert_array_equal(vertices, SHAPE.vertices)
+    np.testing.assert_array_equal(corners, np.empty((0, 3)) if faces is None else faces)
+    attributes = mesh.point if faces is None else mesh.vertex
+    np.testing.assert_array_equal(attributes["bz_direction_max"].numpy(), GEOMETRY.direction_max)
+    np.testing.assert_array_equal(attributes["bz_k_min"].numpy(), GEOMETRY.k_min)
+    np.testing.assert_array_equal(attributes["normals"].numpy(), GEOMETRY.normals)
+    assert attributes["bz_rings_used"].numpy().dtype == np.int32
 
 
 def test_polygons_become_triangles():
@@ -153,7 +258,7 @@ def test_faces_that_are_not_understood_are_refused():
     )
     for source, message in [
         (pyvista.ImageData(dimensions=(2, 2, 2)), "not a surface; .*extract_surface"),
-        (pyvista.Plane().cast_to_unstructured_grid(), "not a surface; .*extract_surface"),
+        (pyvista.Box().delaunay_3d(), "not a surface; .*extract_surface"),
         (pyvista.MultiBlock([pyvista.Sphere()]), "not a surface"),
         (trimesh.load_path(SHAPE.vertices[:3]), "whose entities cannot be read"),
         (mixed, "meshes and point clouds"),
@@ -222,6 +327,12 @@ class TestLayers:
         np.testing.assert_allclose(vertices, SHAPE.vertices + np.array([1.0, 2.0, 3.0]), atol=1e-12)
         np.testing.assert_array_equal(np.sort(faces, axis=1), np.sort(SHAPE.faces, axis=1))
         assert (faces == SHAPE.faces).all() == (min(scale) > 0)
+
+    def test_layers_in_the_plane_are_refused(self):
+        layer = self.Layer((1.0, 1.0, 1.0))
+        layer.vertices = layer.vertices[:, :2]
+        with pytest.raises(bf.InvalidMeshError, match=r"surface layer of shape \(\d+, 2\)"):
+            bf.smooth(layer)
 
     def test_other_layers_are_refused(self):
         with pytest.raises(bf.InvalidMeshError, match="expected a surface layer"):

@@ -142,7 +142,7 @@ class TestCommand:
 
     def test_other_formats_are_refused(self, source):
         result = self.run(source, source.with_name("lines.stl"))
-        assert "lines can be saved as .ply and .obj files only" in str(result.exception)
+        assert "lines can be saved as .ply, .obj, .vtp files only" in str(result.exception)
         assert not source.with_name("lines.stl").exists()
 
 

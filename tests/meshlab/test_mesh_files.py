@@ -12,8 +12,9 @@ from meshset_state import changed, mesh_state
 
 import bezier_filters as bf
 from bezier_filters.files.field_files import read_fields
-from bezier_filters.meshlab.mesh_files import FIELD_SUFFIX, SAVE_SUFFIXES, load_mesh, save_mesh
+from bezier_filters.meshlab.mesh_files import load_mesh, save_mesh
 from bezier_filters.meshlab.meshset import BezierFilterError
+from bezier_filters.meshlab.save_formats import FIELD_SUFFIX, SAVE_SUFFIXES
 from bezier_filters.meshlab.vertex_filters import (
     compute_curvature_by_bezier_patch_per_vertex,
     compute_normal_by_bezier_patch_per_vertex,

@@ -15,10 +15,12 @@ errors
 arrays
 arguments
 fields
+field_arrays
 parameters
 status
 display
 runtime
+result_tables
 differential_geometry
 patches
 surfaces

@@ -7,7 +7,6 @@ import pymeshlab
 import pytest
 import pyvista
 import trimesh
-from conftest import load_sample
 
 import bezier_filters as bf
 from bezier_filters.surfaces import block_with_sharp_edges, torus
@@ -75,8 +74,10 @@ class TestRichResults:
 class TestConverters:
     def test_pyvista_has_the_fields_and_gives_the_mesh_back(self, shape, geometry):
         mesh = bf.to_pyvista(shape.vertices, shape.faces, geometry)
-        np.testing.assert_array_equal(mesh["direction_max"], geometry.direction_max)
-        np.testing.assert_array_equal(mesh["shape_index"], geometry.shape_index)
+        np.testing.assert_array_equal(mesh["bz_direction_max"], geometry.direction_max)
+        np.testing.assert_array_equal(mesh["bz_shape_index"], geometry.shape_index)
+        assert mesh["bz_rings_used"].dtype == mesh["bz_fit_grade"].dtype == np.int32
+        np.testing.assert_array_equal(mesh.active_normals, geometry.normals)
         vertices, faces = bf.mesh_arrays(mesh)
         np.testing.assert_array_equal(vertices, shape.vertices)
         np.testing.assert_array_equal(faces, shape.faces)
@@ -85,7 +86,7 @@ class TestConverters:
     def test_trimesh_has_the_fields_and_gives_the_mesh_back(self, shape, geometry):
         mesh = bf.to_trimesh(shape.vertices, shape.faces, geometry)
         assert mesh.is_watertight
-        np.testing.assert_array_equal(mesh.vertex_attributes["k_min"], geometry.k_min)
+        np.testing.assert_array_equal(mesh.vertex_attributes["bz_k_min"], geometry.k_min)
         np.testing.assert_allclose(mesh.vertex_normals, geometry.normals, atol=1e-12)
         vertices, faces = bf.mesh_arrays(mesh)
         np.testing.assert_array_equal(vertices, shape.vertices)
@@ -125,25 +126,3 @@ class TestConverters:
         sphere = pyvista.Sphere()
         with pytest.raises(bf.InvalidMeshError, match=r"pass mesh.regular_faces, or use mesh_arrays"):
             bf.estimate_vertex_geometry(sphere.points, sphere.faces)
-
-
-OF_ARRAYS = (bf.estimate_vertex_geometry, bf.smooth, bf.fill_holes, bf.find_creases, bf.triangle_mesh, bf.to_pyvista)
-MESHES = {"meshset": lambda: load_sample("bone.ply"), "pyvista": pyvista.Sphere, "trimesh": trimesh.creation.icosphere}
-
-
-@pytest.mark.parametrize("make", [*MESHES.values(), lambda: "scan.ply"], ids=[*MESHES, "path"])
-@pytest.mark.parametrize(
-    "function",
-    [bf.estimate_vertex_geometry, bf.smooth, bf.fill_holes, bf.find_creases, bf.triangle_mesh, bf.to_pyvista],
-)
-def test_functions_of_arrays_tell_how_to_get_them_from_a_mesh(function, make):
-    mesh = make()
-    for arguments in ((mesh,), (mesh, [[0, 1, 2]])):
-        with pytest.raises(bf.InvalidMeshError, match=r"got a \w+, expected an array .* bezier_filters.mesh_arrays"):
-            function(*arguments)
-
-
-def test_what_the_message_names_reads_them():
-    for make in MESHES.values():
-        g = bf.estimate_vertex_geometry(*bf.mesh_arrays(make()), rings=2)
-        assert g.status_counts()

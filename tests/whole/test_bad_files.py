@@ -20,9 +20,10 @@ from bezier_filters.cli import commands as command_line
 from bezier_filters.errors import FieldFileError, MeshFileWarning
 from bezier_filters.files.lost_rows import LostRows
 from bezier_filters.files.mesh_headers import check_header
-from bezier_filters.meshlab.mesh_files import SAVE_SUFFIXES, load_mesh, save_mesh
+from bezier_filters.meshlab.mesh_files import load_mesh, save_mesh
 from bezier_filters.meshlab.meshset import BezierFilterError
 from bezier_filters.meshlab.replacement_filter import meshing_replace_selection_by_bezier_patch
+from bezier_filters.meshlab.save_formats import SAVE_SUFFIXES
 from bezier_filters.meshlab.scripts import FILTERS
 
 SAMPLES = Path(__file__).parents[2] / "sample_meshes"
