@@ -34,6 +34,7 @@ feature_lines
 holes
 files
 scale
+compilation
 meshlab
 pictures
 cli
