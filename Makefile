@@ -6,10 +6,12 @@ ARGS ?=
 DIR ?=
 MODELS ?=
 PYTHONS ?= python3.10 python3.13
+WHEEL_PYTHONS ?= python3.10 python3.11 python3.12 python3.13 python3.14
+EXTRAS := viz,convert,scale
 SOURCES := pyproject.toml
 BIN := $(if $(filter Windows_NT,$(OS)),Scripts,bin)
 
-.PHONY: help demo test test-slow test-oldest test-pythons frozen style check coverage docs wheel bench paper bench-kernels bench-scale \
+.PHONY: help demo test test-slow test-oldest test-next test-pythons frozen style check coverage docs wheel bench paper bench-kernels bench-scale \
     fuzz mutants corpus clean
 
 help:  ## list the targets
@@ -27,14 +29,23 @@ test-slow: .venv-dev/ready  ## run the tests that take long
 test-oldest: $(SOURCES)  ## run the test suite with the oldest versions of the dependencies that are allowed
 	$(PYTHON) -m venv --clear .venv-oldest
 	$(PYTHON) tests/oldest_versions.py > .venv-oldest/constraints.txt
-	.venv-oldest/$(BIN)/python -m pip install --quiet -e '.[viz,convert,scale,test]' -c .venv-oldest/constraints.txt
+	.venv-oldest/$(BIN)/python -m pip install --quiet --upgrade pip
+	.venv-oldest/$(BIN)/python -m pip install --quiet -e '.[$(EXTRAS)]' --group test -c .venv-oldest/constraints.txt
 	.venv-oldest/$(BIN)/python -m pytest -W ignore::DeprecationWarning $(ARGS)
+
+test-next: $(SOURCES)  ## run the tests of compiled code with the newest numba, release candidates and versions above our bound included
+	$(PYTHON) -m venv --clear .venv-next
+	.venv-next/$(BIN)/python -m pip install --quiet --upgrade pip
+	.venv-next/$(BIN)/python -m pip install --quiet -e '.[scale]' --group test
+	.venv-next/$(BIN)/python -m pip install --quiet --upgrade --pre numba llvmlite
+	.venv-next/$(BIN)/python -m pytest -m "slow or not slow" tests/runtime tests/kernels tests/fitting $(ARGS)
 
 test-pythons: $(SOURCES)  ## run the test suite on other Pythons: PYTHONS="python3.10 python3.13"
 	set -e; for python in $(PYTHONS); do \
 	    env=.venv-python$$($$python -c 'import sys; print("%d.%d" % sys.version_info[:2])'); \
 	    $$python -m venv --clear $$env; \
-	    $$env/$(BIN)/python -m pip install --quiet -e '.[viz,convert,scale,test]'; \
+	    $$env/$(BIN)/python -m pip install --quiet --upgrade pip; \
+	    $$env/$(BIN)/python -m pip install --quiet -e '.[$(EXTRAS)]' --group test; \
 	    $$env/$(BIN)/python -m pytest $(ARGS); \
 	done
 
@@ -58,9 +69,19 @@ coverage: .venv-dev/ready  ## lines and branches that the tests run, kernels in 
 docs: .venv-dev/docs-ready  ## the documentation site in build/site; warnings are errors
 	NO_MKDOCS_2_WARNING=1 .venv-dev/$(BIN)/mkdocs build --strict
 
-wheel: .venv-dev/ready  ## wheel and sdist in dist/, installed and tried outside of the tree
-	.venv-dev/$(BIN)/python -m pip install --quiet build
+wheel: .venv-dev/ready  ## sdist and wheels in dist/, one with machine code for each Python that is there, checked and tried
+	.venv-dev/$(BIN)/python -m pip install --quiet --group release
+	rm -rf dist
 	.venv-dev/$(BIN)/python -m build
+	set -e; for python in $(WHEEL_PYTHONS); do \
+	    $$python -c '' 2>/dev/null || { echo "$$python is not there: no wheel for it"; continue; }; \
+	    $$python -m venv --clear build/wheel-python; \
+	    build/wheel-python/$(BIN)/python -m pip install --quiet build; \
+	    HATCH_BUILD_HOOK_ENABLE_CUSTOM=1 build/wheel-python/$(BIN)/python -m build --wheel; \
+	done
+	.venv-dev/$(BIN)/twine check --strict dist/*
+	.venv-dev/$(BIN)/check-wheel-contents dist/*.whl
+	.venv-dev/$(BIN)/pyroma --min 10 .
 	.venv-dev/$(BIN)/python -m pytest -m "slow or not slow" tests/project/test_packaging.py
 
 bench: .venv-dev/bench-ready  ## accuracy, stability and speed next to MeshLab and libigl; ARGS=--save keeps it
@@ -94,7 +115,7 @@ corpus: .venv-dev/ready  ## run everything on every mesh file below a folder (DI
 	.venv-dev/$(BIN)/python tools/corpus.py $(DIR) $(ARGS)
 
 clean:  ## remove environments, caches and outputs
-	rm -rf .venv .venv-dev .venv-oldest .venv-python* out build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf .venv .venv-dev .venv-oldest .venv-next .venv-python* out build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -prune -exec rm -rf {} +
 
 .venv/ready: $(SOURCES)
@@ -106,13 +127,13 @@ clean:  ## remove environments, caches and outputs
 .venv-dev/ready: $(SOURCES)
 	$(PYTHON) -m venv .venv-dev
 	.venv-dev/$(BIN)/python -m pip install --quiet --upgrade pip
-	.venv-dev/$(BIN)/python -m pip install --quiet -e '.[dev]'
+	.venv-dev/$(BIN)/python -m pip install --quiet -e '.[$(EXTRAS)]' --group dev
 	@touch $@
 
 .venv-dev/docs-ready: .venv-dev/ready
-	.venv-dev/$(BIN)/python -m pip install --quiet -e '.[docs]'
+	.venv-dev/$(BIN)/python -m pip install --quiet --group docs
 	@touch $@
 
 .venv-dev/bench-ready: .venv-dev/ready
-	.venv-dev/$(BIN)/python -m pip install --quiet -e '.[bench]'
+	.venv-dev/$(BIN)/python -m pip install --quiet --group bench
 	@touch $@

@@ -49,7 +49,7 @@ def libigl_quadric(radius: int) -> dict[str, Method]:
     try:
         import igl
     except ImportError:
-        print("libigl is not installed: left out (pip install 'bezier-filters[bench]')")
+        print("libigl is not installed: left out (pip install --group bench)")
         return {}
 
     def estimate(vertices: np.ndarray, faces: np.ndarray) -> Estimate:

@@ -1,4 +1,6 @@
-"""Print the oldest versions of the dependencies that pyproject.toml allows, as constraints for pip.
+"""Print the oldest versions of the dependencies of users that pyproject.toml allows, as constraints for pip.
+
+The tools of the dependency groups may be as new as they like.
 
 python tests/oldest_versions.py > constraints.txt
 """
@@ -7,8 +9,6 @@ import re
 from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
-EXTRAS = ("viz", "convert", "scale")
-"""What users can install; the tools of the other extras may be as new as they like."""
 
 
 def oldest_versions(project: dict[str, object]) -> dict[str, str]:
@@ -17,8 +17,8 @@ def oldest_versions(project: dict[str, object]) -> dict[str, str]:
     >>> oldest_versions({"dependencies": ["numpy>=1.26", "rich[all]>=13,<99"], "optional-dependencies": {}})
     {'numpy': '1.26', 'rich': '13'}
     """
-    extras = project["optional-dependencies"]
-    requirements = [*project["dependencies"], *(line for name in EXTRAS for line in extras.get(name, []))]
+    extras = project["optional-dependencies"].values()
+    requirements = [*project["dependencies"], *(line for extra in extras for line in extra)]
     return {found[1]: found[2] for line in requirements if (found := re.match(r"([\w.-]+)(?:\[.*\])?>=([\w.]+)", line))}
 
 

@@ -1,6 +1,7 @@
 """The application of the command line, and the arguments and options that its commands share."""
 
 import inspect
+import logging
 import re
 import shutil
 import sys
@@ -153,7 +154,16 @@ ColorRange = Annotated[
     ),
 ]
 Skip = Annotated[bool, typer.Option("--skip", help="Leave vertices without finite coordinates out, and their faces.")]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
+
+
+def _silence(quiet: bool) -> bool:
+    """Leave out the announcement that kernels are compiled, too."""
+    if quiet:
+        logging.getLogger("bezier_filters.compilation").setLevel(logging.ERROR)
+    return quiet
+
+
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.", callback=_silence)]
 Json = Annotated[bool, typer.Option("--json", help="Print the report as JSON.")]
 SaveScript = Annotated[
     Path | None,

@@ -263,6 +263,31 @@ def demo(
     end_with_remarks(printable_path(out), {"warnings": list(dict.fromkeys(warnings))})
 
 
+@app.command("compile", epilog="Example: bezier-filters compile --jobs 2")
+def compile_all(
+    jobs: Annotated[int | None, typer.Option(help="Number of processes; all cores by default.", min=1)] = None,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Compile all kernels, so that no other command has to: for containers, and for programs that must not wait.
+
+    Code that is there already, for example in the package itself, is not compiled again. NUMBA_CACHE_DIR is the folder
+    for the code; by default it is in the package, or in the user's cache folder.
+    """
+    from bezier_filters.compilation import compile_kernels
+
+    with console.stages(quiet=quiet or json) as stage:
+        done = compile_kernels(processes=jobs, progress=stage("compiling"))
+    if json:
+        folder = None if done.folder is None else str(done.folder)
+        console.print_json(asdict(done) | {"folder": folder})
+    elif not quiet:
+        console.out().print(
+            f"{done.functions:,} compiled functions are there, {done.size / 1e6:.1f} MB; "
+            f"this took {done.seconds:.1f} s in {done.processes} processes"
+        )
+
+
 _TOO_LITTLE_MEMORY = "there is not enough memory for this mesh; nothing was written"
 _NO_THREAD = "can't start new thread"  # Python's message
 

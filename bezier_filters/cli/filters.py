@@ -1,7 +1,6 @@
 """The commands that run filters on a file and write another one."""
 
 import inspect
-import time
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -235,6 +234,7 @@ def creases(
     from bezier_filters.meshlab.meshset import read_current_mesh
     from bezier_filters.meshlab.vertex_filters import FitArguments
     from bezier_filters.pictures.render import check_picture
+    from bezier_filters.runtime.compile_time import clock_without_compilation
 
     check_line_file(target)
     check_target(target, source, overwrite=overwrite)
@@ -245,11 +245,11 @@ def creases(
     with console.stages(quiet=quiet or json) as stage:
         stage(f"reading {printable_name(source)}")
         mesh = read_current_mesh(bf.load_mesh(source, skip=skip))
-        begin = time.perf_counter()
+        begin = clock_without_compilation()
         found = creases_of(
             mesh, FitArguments(**given, progress=stage(f"fitting {printable_name(source)}")), angle, strength
         )
-        seconds = time.perf_counter() - begin
+        seconds = clock_without_compilation() - begin
         stage(f"writing {printable_name(target)}")
         save_lines(target, *lines_as_mesh(found))
         if picture is not None:

@@ -9,6 +9,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ from bezier_filters.meshes.adjacency import Adjacency, Rows
 from bezier_filters.meshes.frames import TangentPlanes
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.meshes.spatial_order import sort_spatially
+from bezier_filters.runtime.compile_time import count_as_compilation
 from bezier_filters.runtime.kernel_cache import SUFFIX
 from bezier_filters.runtime.parallel import usable_threads
 from bezier_filters.runtime.process_end import end_with_parent
@@ -68,8 +70,9 @@ def first_compilation(kernel: Any, compile_kernel: Callable[[], object], compile
             command = python_command(f"{guard}; {compile_others}")
             with subprocess.Popen(command, stdin=nothing, stdout=nothing, stderr=nothing) as process:
                 try:
-                    compile_kernel()
-                    process.wait()
+                    with count_as_compilation():
+                        compile_kernel()
+                        process.wait()
                 finally:
                     process.kill()
         yield
@@ -77,13 +80,14 @@ def first_compilation(kernel: Any, compile_kernel: Callable[[], object], compile
         gc.set_threshold(*thresholds)
 
 
-def compile_fit() -> None:
-    """Compile the fit, which is half of the work, on a vertex without neighbours."""
+def compile_fit(*, robust: bool = False, conditions: bool = False) -> None:
+    """Compile a variant of the fit, which is half of the work, on a vertex without neighbours."""
     mesh, nothing = triangle_mesh(np.zeros((1, 3)), []), Rows(np.zeros(2, np.int32), np.zeros(0, np.int32))
     planes = TangentPlanes(np.array([[0.0, 0.0, 1.0]]), np.zeros(1, np.float32))
     arrays = kernel_mesh(mesh, Adjacency(nothing, nothing, np.zeros(1, np.bool_)), planes)
     attempt = FitAttempt(FitStatus.OK, frozenset({UNTRIED}), 1, QUADRATIC)
-    fit_with_fallbacks(arrays, np.zeros(1, np.int32), [attempt], empty_geometry(1))
+    geometry = replace(empty_geometry(1), condition_number=np.zeros(1) if conditions else None)
+    fit_with_fallbacks(arrays, np.zeros(1, np.int32), [attempt], geometry, robust=robust)
 
 
 def compile_the_rest() -> None:

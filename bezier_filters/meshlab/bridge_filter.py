@@ -1,7 +1,5 @@
 """The filter on a pymeshlab MeshSet that joins holes by bands."""
 
-import time
-
 from bezier_filters.arrays import Report
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
 from bezier_filters.holes.bridging import MAX_GAP, BridgingResult, Pairs, bridge_holes
@@ -22,6 +20,7 @@ from bezier_filters.meshlab.meshset import (
 )
 from bezier_filters.meshlab.topology import topology_of
 from bezier_filters.parameters import complete_docstring
+from bezier_filters.runtime.compile_time import clock_without_compilation
 from bezier_filters.runtime.parallel import Progress
 
 
@@ -73,12 +72,12 @@ def meshing_bridge_holes_by_bezier_patch(
     >>> result["bridged_pairs"], result["bands"][0]["pair"], result["topology_after"]["components"]
     (1, [0, 1], 1)
     """
-    begin = time.perf_counter()
+    begin = clock_without_compilation()
     mesh = read_current_mesh(ms)
     if not len(mesh.faces):
         raise BezierFilterError("the current mesh has no faces, so it has no holes")
     chosen = _read_pairs(pairs)
-    start = time.perf_counter()
+    start = clock_without_compilation()
     try:
         result = bridge_holes(
             mesh.vertices,
@@ -92,13 +91,13 @@ def meshing_bridge_holes_by_bezier_patch(
     except (InvalidMeshError, InvalidParameterError) as error:
         raise BezierFilterError(str(error)) from error
     listed = fill_holes(mesh.vertices, mesh.faces, holes=[]).holes
-    fitted = time.perf_counter()
+    fitted = clock_without_compilation()
     check_unchanged(ms, mesh)
     lost_attributes, textured = list[str](), False
     if result.filled:
         with preserve_filter_script(ms):
             lost_attributes, textured = grow_mesh(ms, growth_of(mesh, result), select=newfaceselected)
-    written = time.perf_counter()
+    written = clock_without_compilation()
     before = topology_of(mesh.vertices, mesh.faces)
     after = topology_of(result.vertices, result.faces) if result.filled else before
     open_ = len(result.pairs) - result.filled

@@ -1,7 +1,6 @@
 """The filter on a pymeshlab MeshSet that fills holes."""
 
 import re
-import time
 from dataclasses import asdict
 
 import numpy as np
@@ -29,6 +28,7 @@ from bezier_filters.meshlab.meshset import (
 from bezier_filters.meshlab.topology import repair as repair_mesh
 from bezier_filters.meshlab.topology import repair_copy, topology_of
 from bezier_filters.parameters import complete_docstring
+from bezier_filters.runtime.compile_time import clock_without_compilation
 from bezier_filters.runtime.parallel import Progress
 
 WIDE_HOLE_RATIO = 0.5  # diameter over the diagonal of the bounding box above which a hole may be an open end
@@ -116,14 +116,14 @@ def meshing_close_holes_by_bezier_patch(
     >>> result["closed_holes"], result["holes"][0]["method"]
     (1, 'surface')
     """
-    begin = time.perf_counter()
+    begin = clock_without_compilation()
     given = mesh = read_current_mesh(ms)
     repaired: Report | None = None
     if not len(mesh.faces):
         raise BezierFilterError("the current mesh has no faces, so it has no holes")
     if repair:
         mesh, repaired = repair_copy(ms)
-    start = time.perf_counter()
+    start = clock_without_compilation()
     topology = topology_of(mesh.vertices, mesh.faces)
     diameter = absolute_length(maxdiameter, mesh.vertices, "maxdiameter")
     try:
@@ -150,7 +150,7 @@ def meshing_close_holes_by_bezier_patch(
         )
     except (InvalidMeshError, InvalidParameterError) as error:
         raise BezierFilterError(re.sub("^max_edges", "maxholesize", str(error))) from error
-    fitted = time.perf_counter()
+    fitted = clock_without_compilation()
     diagonal = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
     check_unchanged(ms, given)
     if repair:
@@ -160,7 +160,7 @@ def meshing_close_holes_by_bezier_patch(
     if result.filled:
         with preserve_filter_script(ms):
             lost_attributes, textured = grow_mesh(ms, growth_of(mesh, result), select=newfaceselected)
-    written = time.perf_counter()
+    written = clock_without_compilation()
     remarks = topology.remarks
     if diameter is not None and diameter > diagonal:  # a length in other units than those of the mesh, perhaps
         where = f"where all of the mesh is {diagonal:.3g} across"

@@ -1,7 +1,6 @@
 """The filter on a pymeshlab MeshSet that replaces selected faces by the continuation of their surroundings."""
 
 import re
-import time
 
 import numpy as np
 
@@ -28,6 +27,7 @@ from bezier_filters.meshlab.meshset import (
 )
 from bezier_filters.meshlab.topology import topology_of
 from bezier_filters.parameters import complete_docstring
+from bezier_filters.runtime.compile_time import clock_without_compilation
 from bezier_filters.runtime.parallel import Progress
 
 
@@ -87,12 +87,12 @@ def meshing_replace_selection_by_bezier_patch(
     >>> result["replaced_patches"], round(result["patches"][0]["removed_height"], 2)
     (1, 0.1)
     """
-    begin = time.perf_counter()
+    begin = clock_without_compilation()
     mesh = read_current_mesh(ms)
     if not len(mesh.faces):
         raise BezierFilterError("the current mesh has no faces, so none can be replaced")
     selected = _read_selection(mesh) if condselect is None else _faces_where(ms, condselect)
-    start = time.perf_counter()
+    start = clock_without_compilation()
     try:
         result = replace_selection(
             mesh.vertices,
@@ -108,13 +108,13 @@ def meshing_replace_selection_by_bezier_patch(
         )
     except (InvalidMeshError, InvalidParameterError) as error:
         raise BezierFilterError(re.sub("^selected", "condselect", str(error))) from error
-    fitted = time.perf_counter()
+    fitted = clock_without_compilation()
     check_unchanged(ms, mesh)
     lost_attributes, textured = list[str](), False
     if result.replaced:
         with preserve_filter_script(ms):
             lost_attributes, textured = grow_mesh(ms, growth_of(mesh, result), select=newfaceselected)
-    written = time.perf_counter()
+    written = clock_without_compilation()
     before = topology_of(mesh.vertices, mesh.faces)
     after = topology_of(result.vertices, result.faces) if result.replaced else before
     kept = [patch for patch in result.patches if not patch.replaced]

@@ -4,7 +4,6 @@ Reference counting took half of the time of the kernels: each function increment
 array it reads, atomically. `_nrt` is numba's name for its reference-counting runtime.
 """
 
-import logging
 import os
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
@@ -12,12 +11,10 @@ from typing import Any, TypeVar, cast
 import numpy as np
 from numba import njit
 from numba.core.compiler_lock import global_compiler_lock
-from numba.core.event import Listener, register
 
+from bezier_filters.runtime.compile_time import watch_compiler
 from bezier_filters.runtime.kernel_cache import KernelCache
 from bezier_filters.runtime.kernel_key import PACKAGE
-
-_logger = logging.getLogger("bezier_filters")
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
@@ -80,40 +77,7 @@ def opaque(number: int) -> int:
     return int(np.int64(number))
 
 
-_KERNEL_KINDS = {
-    "kernels": "fit patches",
-    "fitting": "read point clouds",
-    "smoothing": "smooth",
-    "holes": "fill holes",
-}
-
-
-class _Announcements(Listener):
-    """Logs a message before each kind of kernel is compiled; loads from the cache are not compilations."""
-
-    def __init__(self) -> None:
-        self.reported: set[str] = set()
-
-    def on_start(self, event: Any) -> None:
-        """Announce each kind once, and the fit a second time for its robust variant."""
-        function = event.data["dispatcher"]
-        package, kind = [*function.py_func.__module__.split("."), ""][:2]
-        if package != __name__.partition(".")[0] or kind not in _KERNEL_KINDS:
-            return
-        message = _KERNEL_KINDS[kind] + " where there are outliers" * (
-            kind == "kernels" and len(function.signatures) > 0
-        )
-        if message not in self.reported:
-            self.reported.add(message)
-            _logger.warning(
-                "compiling the kernels that %s; this takes 10 to 30 seconds, once per installation", message
-            )
-
-    def on_end(self, event: Any) -> None:
-        """No message at the end."""
-
-
-register("numba:compile", _Announcements())  # type: ignore[no-untyped-call]
+watch_compiler()
 if hasattr(os, "register_at_fork"):  # a fork during a compilation would deadlock its child
     os.register_at_fork(
         before=global_compiler_lock.acquire,

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
 from hashlib import sha256
+from pathlib import Path
 from typing import Any
 
 from numba import config
@@ -21,6 +22,7 @@ from numba.core.serialize import dumps
 
 from bezier_filters.runtime.atomic import atomic_write
 from bezier_filters.runtime.kernel_folders import kernel_folders
+from bezier_filters.runtime.shipped_code import find_shipped_code, generic_processor
 
 _logger = logging.getLogger("bezier_filters")
 
@@ -48,7 +50,7 @@ class KernelCache(NullCache):
         """Return the variant for a signature, or None; a damaged file is deleted."""
         target_context.refresh()
         for folder in kernel_folders().readable:
-            path = folder / self._file_name(sig, target_context.codegen())
+            path = folder / self._file_name(sig, _target(folder, target_context.codegen()))
             try:
                 content = path.read_bytes()
             except OSError:
@@ -69,18 +71,26 @@ class KernelCache(NullCache):
         _warn_once(folders.warning)
         if folders.writable is None:
             return
-        payload = dumps((sig, data._reduce()))
+        # The types of all lines, with the path of the source, are a third of the file, and only for `inspect_types`.
+        payload = dumps((sig, data._replace(type_annotation="")._reduce()))
         try:
             folders.writable.mkdir(exist_ok=True)  # another process may have deleted it as old
-            with atomic_write(folders.writable / self._file_name(sig, data.codegen)) as path:
+            with atomic_write(folders.writable / self._file_name(sig, data.codegen.magic_tuple())) as path:
                 path.write_bytes(sha256(payload).digest() + payload)
         except OSError as error:
             _warn_once(f"other processes will compile the same functions: their code cannot be kept ({error})")
 
-    def _file_name(self, sig: Any, codegen: Any) -> str:
+    def _file_name(self, sig: Any, target: tuple[str, ...]) -> str:
         settings = [str(getattr(config, name, None)) for name in _SETTINGS]
-        variant = repr((str(sig), codegen.magic_tuple(), sys.implementation.cache_tag, settings))
+        variant = repr((str(sig), target, sys.implementation.cache_tag, settings))
         return f"{self._prefix}{sha256(variant.encode()).hexdigest()[:16]}{SUFFIX}"
+
+
+def _target(folder: Path, codegen: Any) -> tuple[str, ...]:
+    """System and processor of the code in a folder, as numba describes them."""
+    system, *here = codegen.magic_tuple()
+    processor = generic_processor() if folder == find_shipped_code() else None
+    return (system, *here) if processor is None else (system, processor.name, processor.flags)
 
 
 def _unpack(content: bytes, sig: Any) -> Any:

@@ -13,10 +13,10 @@ from stat import S_IWGRP, S_IWOTH
 from numba import config
 from numba.misc.appdirs import AppDirs
 
-from bezier_filters.runtime.kernel_key import PACKAGE, kernel_key
+from bezier_filters.runtime.kernel_key import KEY_DIGITS, PACKAGE, kernel_key
+from bezier_filters.runtime.shipped_code import find_shipped_code
 
 NAME = PACKAGE.name
-KEY_DIGITS = 16  # digits of the key in the name of a folder
 MAX_KEPT_FOLDERS = 4  # most recently used folders per parent: several environments may share one tree
 USER_CACHE_FOLDER = str(getattr(config, "CACHE_DIR", ""))  # NUMBA_CACHE_DIR, or empty
 _HINT = "set NUMBA_CACHE_DIR to a folder that can be written"
@@ -35,11 +35,14 @@ class KernelFolders:
 def kernel_folders() -> KernelFolders:
     """Folders of the current key, up to the first writable one.
 
-    Their parents are ``NUMBA_CACHE_DIR``, the package, the user's cache folder, and a private temporary folder.
+    The code that the package carries comes first. The parents of the others are ``NUMBA_CACHE_DIR``, the package, the
+    user's cache folder, and a private temporary folder.
     """
     readable, refusals = list[Path](), list[str]()
     if not kernel_key():
         return KernelFolders((), None, f"every process compiles its functions: there are no sources in {PACKAGE}")
+    if shipped := find_shipped_code():
+        readable.append(shipped)
     for parent in _parent_folders():
         folder = parent / f"{NAME}-{kernel_key()[:KEY_DIGITS]}"
         is_temporary = parent == _temporary_parent()

@@ -11,6 +11,7 @@ import numba
 from bezier_filters._version import __version__
 
 PACKAGE = Path(__file__).parents[1]
+KEY_DIGITS = 16  # digits of the key in the name of a folder
 # at the beginning of a line: imports inside functions do not reach compiled code
 _IMPORT = re.compile(rb"^from bezier_filters\.([\w.]+) import", re.MULTILINE)
 _COMPILES = b"jit("  # occurs in modules with compiled functions

@@ -36,6 +36,7 @@ feature_lines
 holes
 files
 scale
+compilation
 meshlab
 pictures
 cli

@@ -45,7 +45,7 @@ def test_the_oldest_versions_are_the_lower_bounds():
 
     project = {
         "dependencies": ["numpy>=2.0", "rich>=13,<99", "local"],
-        "optional-dependencies": {"viz": ["vtk>=9.6"], "dev": ["mypy>=1"]},
+        "optional-dependencies": {"viz": ["vtk>=9.6"]},
     }
     assert oldest_versions(project) == {"numpy": "2.0", "rich": "13", "vtk": "9.6"}
 
@@ -67,6 +67,17 @@ def test_every_dependency_is_explained():
     assert len(names) > 20
     page = (ROOT / "docs" / "dependencies.md").read_text(encoding="utf-8")
     assert {name for name in names if not re.search(rf"\b{name}\b", page)} == set()
+
+
+def test_the_recipe_for_conda_has_the_version_and_the_dependencies():
+    recipe = (ROOT / "recipe" / "recipe.yaml").read_text(encoding="utf-8")
+    assert f'version: "{__version__}"' in recipe
+    project = (ROOT / "pyproject.toml").read_text(encoding="utf-8").partition("[project.optional-dependencies]")[0]
+    needed = re.findall(r'^    "([\w-]+>=[\w.,<]+)",$', project, re.MULTILINE)
+    assert len(needed) == 9
+    running = recipe.partition("  run:\n")[2].partition("\ntests:")[0]
+    found = re.findall(r"^    - ([\w-]+) (.*)$", running, re.MULTILINE)
+    assert found == [("python", ">=3.10"), *(tuple(re.split("(?=>=)", line)) for line in needed)]
 
 
 @pytest.fixture(scope="module")
@@ -145,7 +156,43 @@ def test_the_wheel_works_outside_of_the_tree(built, tmp_path):
     assert 'pip install "bezier-filters[viz]"' in message
 
 
-CALLED, CHANGED = "store(outputs, K_MAX, mean + torsion)", "store(outputs, K_MAX, mean + torsion + mean + torsion)"
+@pytest.mark.slow
+def test_a_wheel_with_machine_code_compiles_nothing(tmp_path):
+    """In a package that cannot be written, without a home; for another processor it compiles, and says so."""
+    interpreter, programs = python(tmp_path / "venv")
+    pip_install(interpreter, "build")
+    command = [interpreter, "-m", "build", "--wheel", "--outdir", tmp_path / "dist", ROOT]
+    subprocess.run(command, env=OUTSIDE | {"HATCH_BUILD_HOOK_ENABLE_CUSTOM": "1"}, check=True)
+    (wheel,) = (tmp_path / "dist").iterdir()
+    tag = f"cp{sys.version_info[0]}{sys.version_info[1]}-none-"
+    assert tag in wheel.name
+    assert not wheel.name.endswith("-any.whl")
+    pip_install(interpreter, wheel)
+    (package,) = (tmp_path / "venv").rglob("site-packages/bezier_filters")
+    shutil.rmtree(package / "__pycache__", ignore_errors=True)
+    (package / "__pycache__").touch()  # permissions would not stop root from writing
+    shipped = {path.name for path in package.rglob("*.nbc")}
+    assert len(shipped) > 100
+    patch = ROOT / "sample_meshes" / "punched_patch.ply"
+    (tmp_path / "temporary").mkdir()
+    environment = OUTSIDE | {"HOME": str(tmp_path / "nonexistent"), "TMPDIR": str(tmp_path / "temporary")}
+    environment = {name: value for name, value in environment.items() if not name.startswith(("NUMBA", "XDG"))}
+    for name in ("curvature", "smooth", "fill-holes", "creases"):
+        command = [programs / "bezier-filters", name, patch, "out.ply"]
+        done = subprocess.run(command, env=environment, cwd=tmp_path, capture_output=True, text=True)
+        assert "compiling" not in done.stderr, done.stderr
+    assert not list((tmp_path / "temporary").rglob("*.nbc"))
+    command = [programs / "bezier-filters", "curvature", patch, "out.ply"]
+    other = environment | {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
+    done = subprocess.run(command, env=other, cwd=tmp_path, capture_output=True, text=True)
+    assert done.stderr.count("compiling kernels") == 1
+    assert "for other processors" in done.stderr
+
+
+CALLED, CHANGED = (
+    "store(outputs, OUT_K_MAX, mean + torsion)",
+    "store(outputs, OUT_K_MAX, mean + torsion + mean + torsion)",
+)
 K_MAX = """
 from bezier_filters import estimate_vertex_geometry
 from bezier_filters.surfaces import sphere
