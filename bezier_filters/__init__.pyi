@@ -67,6 +67,10 @@ from .meshlab.vertex_filters import (
 from .meshlab.vertex_filters import (
     compute_torsion_by_bezier_patch_per_vertex as compute_torsion_by_bezier_patch_per_vertex,
 )
+from .patch_surface.surface import Surface as Surface
+from .patch_surface.surface import SurfacePoints as SurfacePoints
+from .patch_surface.surface import fit_surface as fit_surface
+from .patch_surface.surface import surface_at as surface_at
 from .patches.patch import BezierPatch as BezierPatch
 from .patches.patch import ParameterRectangle as ParameterRectangle
 from .patches.patch_fit import PatchFit as PatchFit

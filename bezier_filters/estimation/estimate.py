@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +15,7 @@ from bezier_filters.fitting.first_call import first_call
 from bezier_filters.fitting.mesh_neighbourhoods import MeshNeighbourhoods, mesh_neighbourhoods
 from bezier_filters.fitting.model_cache import MAX_CACHED_VERTICES, CachedFit, cache_fit, cache_key, look_up_fit
 from bezier_filters.fitting.outlier_removal import rebase_displacements
+from bezier_filters.fitting.patch_geometry import PatchGeometry, empty_patch_geometry
 from bezier_filters.fitting.point_cloud import point_cloud
 from bezier_filters.fitting.region_fits import (
     MIN_MISFIT_RATIO,
@@ -206,6 +208,15 @@ def estimate_vertex_geometry(
         if conditions:
             geometry = replace(geometry, condition_number=np.zeros(mesh.vertex_count))
         return _estimate(mesh, ordered, source, options, lambda _: mask, geometry, outside=outside, progress=progress)
+
+
+def estimate_patches(mesh: TriangleMesh, options: FitOptions, progress: Progress | None = None) -> PatchGeometry:
+    """Estimate the geometry at all vertices of a mesh with faces, and keep the patches."""
+    with first_call():
+        ordered, source = _prepare(sort_spatially(mesh), options, None)
+        geometry = empty_patch_geometry(mesh.vertex_count, options.highest_total_degree)
+        found = _estimate(mesh, ordered, source, options, lambda _: None, geometry, progress=progress)
+    return cast("PatchGeometry", found)
 
 
 def geometry_where(mesh: PreparedMesh, select: Callable[[float | None], BoolArray]) -> VertexGeometry:

@@ -25,7 +25,7 @@ from bezier_filters.meshes.half_edges import MeshEdges, mesh_edges
 from bezier_filters.meshes.mesh import takes_meshes, triangle_mesh
 from bezier_filters.meshes.mesh_objects import MeshLike
 from bezier_filters.meshes.prepared_mesh import PreparedMesh, prepare_mesh
-from bezier_filters.meshes.sharp_edges import certainties, sharp_edges
+from bezier_filters.meshes.sharp_edges import SHARP_ANGLE, certainties, sharp_edges
 from bezier_filters.meshes.unit_size import LENGTH, normalizes_size
 from bezier_filters.result_tables import Table, TabularResult
 from bezier_filters.runtime.parallel import Progress, runs_on_threads
@@ -283,7 +283,7 @@ def find_creases(
             f"geometry: got that of {len(geometry.status)} vertices, expected {mesh.vertex_count}; "
             "estimate it on the same mesh"
         )
-    edges, sharp, certainty = _find_sharp_edges(mesh, geometry, radians(angle))
+    edges, sharp, certainty = find_sharp_edges(mesh, geometry, radians(angle))
     lines = [
         *_sharp_lines(mesh, edges, sharp, certainty),
         *_smooth_lines(mesh, edges, sharp, geometry, min_strength),
@@ -299,8 +299,8 @@ def find_creases(
     )
 
 
-def _find_sharp_edges(
-    mesh: PreparedMesh, geometry: VertexGeometry, angle: float
+def find_sharp_edges(
+    mesh: PreparedMesh, geometry: VertexGeometry, angle: float = SHARP_ANGLE
 ) -> tuple[MeshEdges, BoolArray, FloatArray]:
     """Edges of the denoised surface, with flags for sharp ones and their certainties, each (e,)."""
     sigma, surface = geometry.noise_sigma, mesh

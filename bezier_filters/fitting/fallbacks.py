@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, ByteArray, IntArray
+from bezier_filters.fitting.patch_geometry import patch_table
 from bezier_filters.fitting.vertex_geometry import VertexGeometry, empty_geometry
 from bezier_filters.kernels.crossing_edges import MEAN_PLANE, NEIGHBOUR_PLANE, OWN_PLANE, find_planes
 from bezier_filters.kernels.fit_kernel import fit_task
@@ -237,7 +238,7 @@ def _run(
     fit = kernel_fit(attempt, robust=robust)
     results = VertexResults(*(getattr(geometry, name) for name in VertexResults._fields))
     run_in_chunks(
-        lambda: fit_task(mesh, fit, ids, results, outcomes, geometry.condition_number),
+        lambda: fit_task(mesh, fit, ids, results, outcomes, geometry.condition_number, patch_table(geometry)),
         len(ids),
         progress=progress,
     )

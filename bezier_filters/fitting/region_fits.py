@@ -12,6 +12,7 @@ import numpy as np
 from bezier_filters.arrays import ByteArray, FloatArray, IntArray
 from bezier_filters.fitting.fallbacks import fit_with_fallbacks, overall_progress, spec_chain
 from bezier_filters.fitting.outlier_removal import MIN_DEVIATION_PER_EDGE
+from bezier_filters.fitting.patch_geometry import PatchGeometry
 from bezier_filters.fitting.surface_fit import SurfaceFit
 from bezier_filters.fitting.vertex_geometry import FitChoice, FitPart, VertexGeometry, arrays_of
 from bezier_filters.kernels.graph_geometry import bound_errors
@@ -214,7 +215,8 @@ def _rescale_errors(
 ) -> None:
     """Rescale the standard errors of vertices to those of the same fit under another model."""
     rows, of_both = mesh.origin[ids], (geometry.mean_curvature_std, geometry.gaussian_curvature_std)
-    geometry.normal_std[rows] *= of_normal
+    for errors in (geometry.normal_std, *((geometry.height_std,) if isinstance(geometry, PatchGeometry) else ())):
+        errors[rows] *= of_normal
     for errors in of_both:
         errors[rows] *= of_curvature
     if of_curvature > 1.0:

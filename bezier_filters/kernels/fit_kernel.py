@@ -22,7 +22,7 @@ from bezier_filters.kernels.fit_workspace import (
     robust_workspace,
 )
 from bezier_filters.kernels.graph_geometry import write_block
-from bezier_filters.kernels.kernel_input import FITTED, KernelFit, KernelMesh, VertexResults
+from bezier_filters.kernels.kernel_input import FITTED, KernelFit, KernelMesh, PatchTable, VertexResults
 from bezier_filters.kernels.lane_algebra import (
     UNROLL_FACTOR,
     add_moments,
@@ -55,10 +55,11 @@ def fit_task(
     results: VertexResults,
     outcomes: ByteArray,
     conditions: FloatArray | None = None,
+    patches: PatchTable | None = None,
 ) -> RangeTask:
     """Task for one thread: fit the vertices ids[start:stop]; write their geometry and outcomes[start:stop].
 
-    Condition numbers are written if an array is given for them.
+    Condition numbers and patches are written if arrays are given for them.
     """
     capacity = max(MIN_KERNEL_CAPACITY, CAPACITY_RATIO * 3 * fit.rings * (fit.rings + 1))
 
@@ -71,7 +72,9 @@ def fit_task(
     def run(start: int, stop: int) -> None:
         nonlocal capacity, work, robust
         while start < stop:
-            start, needed = fit_in_lanes(mesh, fit, ids, start, stop, work, results, outcomes, conditions, robust)
+            start, needed = fit_in_lanes(
+                mesh, fit, ids, start, stop, work, results, outcomes, conditions, robust, patches
+            )
             if start < stop:  # this block needs a larger capacity and is collected again
                 capacity = 2 * needed
                 work, robust = scratch()
@@ -91,10 +94,12 @@ def fit_in_lanes(
     outcomes: ByteArray,
     conditions: FloatArray | None,
     robust: RobustWorkspace | None,
+    patches: PatchTable | None,
 ) -> tuple[int, int]:
     """Fit the vertices ids[start:stop] until the capacity is exceeded; return the next start and the capacity needed.
 
-    Condition numbers and reweighting are optional. With an argument of None, their code is not compiled.
+    Condition numbers, reweighting and the patches themselves are optional. With an argument of None, their code is not
+    compiled.
     """
     capacity = work.points.shape[0] // (4 * LANES)
     for first in range(start, stop, LANES):
@@ -119,7 +124,7 @@ def fit_in_lanes(
         _weigh_by_distance(fit, capacity, most, work)
         store(work.total, 0, broadcast(0.0))
         add_squared_residuals(work.coefficients, fit.starts, work.points, capacity, most, work.total, None)
-        write_block(mesh, fit, block, work, block_outcomes, results, conditions)
+        write_block(mesh, fit, block, work, block_outcomes, results, conditions, patches)
     return stop, 0
 
 

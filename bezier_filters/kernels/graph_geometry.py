@@ -28,9 +28,11 @@ from bezier_filters.kernels.kernel_input import (
     MIN_NEIGHBOURHOOD_WIDTH,
     KernelFit,
     KernelMesh,
+    PatchTable,
     VertexResults,
 )
 from bezier_filters.kernels.lane_algebra import condition_numbers, substitute_forward
+from bezier_filters.kernels.patch_rows import height_errors, write_patch
 from bezier_filters.meshes.triangles import area_vector, longest_squared
 from bezier_filters.runtime.jit import inner_jit, jit
 from bezier_filters.runtime.lanes import LANES, Lanes, broadcast, load, multiply_add, square_root, store, where_greater
@@ -49,6 +51,7 @@ def write_block(
     outcomes: ByteArray,
     results: VertexResults,
     conditions: FloatArray | None,
+    patches: PatchTable | None,
 ) -> None:
     """Write the geometry of the vertices of a block, and mark the ill-posed ones.
 
@@ -63,6 +66,8 @@ def write_block(
         standard_errors(fit, work)
     if conditions is not None:
         condition_numbers(work.matrix, fit.exponents.shape[0], work.solution, work.total)
+    if patches is not None:
+        height_errors(fit, work)
     for lane in range(block.shape[0]):
         if outcomes[lane] != FITTED:
             continue
@@ -96,6 +101,9 @@ def write_block(
             results.gaussian_curvature_std[i] = outputs[LANES * (OUT_STANDARD_ERRORS + 2) + lane]
         if conditions is not None:
             conditions[i] = work.total[lane]
+        if patches is not None:
+            patches.height_std[i] = work.total[lane]
+            write_patch(fit, work, lane, mesh.vertices[block[lane]], patches.rows[i])
 
 
 @jit()

@@ -162,3 +162,19 @@ class VertexResults(NamedTuple):
     mean_curvature_std: FloatArray
     gaussian_curvature_std: FloatArray
     rings_used: IntArray
+
+
+class PatchTable(NamedTuple):
+    """Arrays for the fitted polynomials themselves; row i belongs to vertex i of the results.
+
+    A row of `rows` has the local frame (x, y and z axis), its origin, the middle and the reciprocal half width of the
+    parameter square along x and along y, the total degree d, and the coefficients of s^a t^b, for each a from 0 to D,
+    b from 0 to D - a. The height over (x, y) is their polynomial of s = (x - middle_x) / half_x, and t likewise.
+    Without a fit the frame is zero.
+    """
+
+    rows: FloatArray  # (n, PATCH_HEAD + (D + 1)(D + 2) / 2)
+    height_std: FloatArray  # (n,): standard errors of the heights at the vertices
+
+
+PATCH_ORIGIN, PATCH_SQUARE, PATCH_DEGREE, PATCH_HEAD = 9, 12, 16, 17  # first columns of these parts of a row

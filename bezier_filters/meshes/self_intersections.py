@@ -1,16 +1,14 @@
 """Intersections of triangles."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.meshes.adjacency import Rows
+from bezier_filters.meshes.box_tree import BOXES_PER_LEAF, BoxTree, box_tree
 from bezier_filters.meshes.triangles import area_vector, cosine_between, has_corner
 from bezier_filters.runtime.jit import inner_jit, jit, short_jit
 from bezier_filters.runtime.parallel import run_kernel
 
-BOXES_PER_LEAF = 8  # most boxes in a leaf of the bounding volume tree
 PRODUCT_ROUNDING = 1e-12  # relative error of areas and volumes, which are sums of products of lengths
 MAX_FOLDED_COSINE = -0.9999  # cosine of the angle between normals of faces on one edge below which they overlap
 
@@ -20,7 +18,7 @@ def faces_in_boxes(vertices: FloatArray, faces: IntArray, low: FloatArray, high:
     count, nothing = len(low), np.empty(0, dtype=np.int32)
     if count == 0 or len(faces) == 0:
         return Rows(np.zeros(count + 1, dtype=np.int32), nothing)
-    boxes = _sort_boxes(low, high)
+    boxes = box_tree(low, high)
     first, counts = np.empty(len(faces), dtype=np.int32), np.zeros(count, dtype=np.int32)
     run_kernel(_meet, len(faces), vertices, faces, boxes, first)
     found = np.flatnonzero(first >= 0).astype(np.int32)  # few of many
@@ -32,44 +30,8 @@ def faces_in_boxes(vertices: FloatArray, faces: IntArray, low: FloatArray, high:
     return Rows(indptr, found[indices])
 
 
-class _Boxes(NamedTuple):
-    """Boxes in Morton order, and a binary tree of bounding boxes over leaves of consecutive ones."""
-
-    low: FloatArray  # (b, 3)
-    high: FloatArray
-    row: IntArray  # (b,): original index of each
-    node_low: FloatArray  # (2 l, 3): node k has the children 2 k and 2 k + 1; the l leaves come last
-    node_high: FloatArray
-
-
-def _sort_boxes(low: FloatArray, high: FloatArray) -> _Boxes:
-    order = _morton_order(0.5 * low + 0.5 * high)
-    low, high = low[order], high[order]
-    first = np.arange(0, len(low), BOXES_PER_LEAF)
-    leaves = 1 << (len(first) - 1).bit_length()
-    node_low, node_high = np.full((2 * leaves, 3), np.inf), np.full((2 * leaves, 3), -np.inf)
-    node_low[leaves : leaves + len(first)] = np.minimum.reduceat(low, first)
-    node_high[leaves : leaves + len(first)] = np.maximum.reduceat(high, first)
-    while leaves > 1:
-        below, leaves = slice(leaves, 2 * leaves), leaves // 2
-        node_low[leaves : 2 * leaves] = node_low[below].reshape(-1, 2, 3).min(axis=1)
-        node_high[leaves : 2 * leaves] = node_high[below].reshape(-1, 2, 3).max(axis=1)
-    return _Boxes(low, high, order, node_low, node_high)
-
-
-def _morton_order(points: FloatArray) -> IntArray:
-    """Order of points (n, 3) along the Morton curve, (n,); the identity for few points."""
-    if len(points) <= BOXES_PER_LEAF:
-        return np.arange(len(points), dtype=np.int32)
-    low = points.min(axis=0)
-    cells = ((points - low) * (1023.0 / max(float(np.ptp(points, axis=0).max()), 1e-300))).astype(np.int64)
-    for shift, mask in ((16, 0x30000FF), (8, 0x300F00F), (4, 0x30C30C3), (2, 0x9249249)):
-        cells = (cells | cells << shift) & mask
-    return np.argsort(cells @ [4, 2, 1], kind="stable").astype(np.int32)
-
-
 @jit()
-def _meet(vertices: FloatArray, faces: IntArray, boxes: _Boxes, first: IntArray, start: int, stop: int) -> None:
+def _meet(vertices: FloatArray, faces: IntArray, boxes: BoxTree, first: IntArray, start: int, stop: int) -> None:
     """Write the first box that each of faces start .. stop-1 meets, -1 if there is none."""
     for f in range(start, stop):
         first[f] = _next_box(vertices, faces, f, boxes, -1)
@@ -77,7 +39,7 @@ def _meet(vertices: FloatArray, faces: IntArray, boxes: _Boxes, first: IntArray,
 
 @jit()
 def _collect(
-    vertices: FloatArray, faces: IntArray, first: IntArray, boxes: _Boxes, places: IntArray, indices: IntArray
+    vertices: FloatArray, faces: IntArray, first: IntArray, boxes: BoxTree, places: IntArray, indices: IntArray
 ) -> None:
     """Append the faces of each box from `places` on, given their first boxes; only count them if `indices` is empty."""
     for f in range(faces.shape[0]):
@@ -91,7 +53,7 @@ def _collect(
 
 
 @inner_jit()
-def _next_box(vertices: FloatArray, faces: IntArray, f: int, boxes: _Boxes, last: int) -> int:
+def _next_box(vertices: FloatArray, faces: IntArray, f: int, boxes: BoxTree, last: int) -> int:
     """The next box after `last` that a face meets, -1 if there is none."""
     x, end_x = _bounds(vertices, faces, f, 0)
     y, end_y = _bounds(vertices, faces, f, 1)
@@ -163,7 +125,7 @@ def cut_faces(vertices: FloatArray, faces: IntArray, new: int, names: IntArray |
     if new:
         low, high = np.empty((2, new, 3))
         _bound(vertices, faces, low, high)
-        boxes = _sort_boxes(low, high)
+        boxes = box_tree(low, high)
         _find_cuts(vertices, faces, faces if names is None else names, boxes, first, result)
     return result
 
@@ -182,7 +144,7 @@ def _find_cuts(
     vertices: FloatArray,
     faces: IntArray,
     names: IntArray,
-    boxes: _Boxes,
+    boxes: BoxTree,
     first: int,
     result: BoolArray,
 ) -> None:

@@ -67,8 +67,8 @@ def normalizes_size(*lengths: str) -> Callable[[Callable[Parameters, Result]], C
                 elif name in lengths and is_real(value) and value > 0.0:  # others are refused by the function
                     bound.arguments[name] = value * ldexp(1.0, -exponent)
                 elif dataclasses.is_dataclass(value):
-                    bound.arguments[name] = _rescale(value, -exponent)
-            return cast("Result", _rescale(function(*bound.args, **bound.kwargs), exponent))
+                    bound.arguments[name] = rescale(value, -exponent)
+            return cast("Result", rescale(function(*bound.args, **bound.kwargs), exponent))
 
         return wrapper
 
@@ -88,10 +88,10 @@ def size_exponent(vertices: ArrayLike) -> int:
     return exponent if abs(exponent) > MAX_UNSCALED_EXPONENT else 0
 
 
-def _rescale(value: Any, exponent: int) -> Any:
-    """Scale the fields of a result to those of a mesh scaled by a power of two."""
+def rescale(value: Any, exponent: int) -> Any:
+    """Scale the fields of a result to those of a mesh scaled by two to a power."""
     if isinstance(value, tuple):
-        return tuple(_rescale(item, exponent) for item in value)
+        return tuple(rescale(item, exponent) for item in value)
     if not dataclasses.is_dataclass(value) or isinstance(value, type):
         return value
     changed = {}
@@ -102,5 +102,5 @@ def _rescale(value: Any, exponent: int) -> Any:
         if power is not None and old is not None:
             changed[field.name] = old * ldexp(1.0, power * exponent)
         else:
-            changed[field.name] = _rescale(old, exponent)
+            changed[field.name] = rescale(old, exponent)
     return dataclasses.replace(value, **changed)

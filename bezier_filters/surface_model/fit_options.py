@@ -129,6 +129,11 @@ class FitOptions:
         return CANDIDATE_DEGREES if self.degree == "auto" else (int(self.degree),)
 
     @property
+    def highest_total_degree(self) -> int:
+        """Highest total degree of the polynomials that may be fitted; a patch of degree d, 4 at most, has 2 d."""
+        return max(CANDIDATE_DEGREES[-1], 6 if self.degree == "auto" else 2 * min(self.degree, 4))
+
+    @property
     def max_radius(self) -> float:
         """Largest radius of a neighbourhood that keeps the smallest detail, a length; infinite without `detail`."""
         return np.inf if self.detail is None else 0.5 * self.detail

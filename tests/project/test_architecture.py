@@ -33,6 +33,7 @@ fitting
 smoothing
 estimation
 feature_lines
+patch_surface
 holes
 files
 scale

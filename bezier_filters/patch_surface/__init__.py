@@ -1,0 +1,1 @@
+"""The patches of all vertices as one surface: blended over faces, evaluated and queried anywhere."""
