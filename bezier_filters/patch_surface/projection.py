@@ -49,12 +49,14 @@ class Places(NamedTuple):
     outcome: ByteArray  # (q,)
 
 
-def projection_task(surface: SurfaceArrays, tree: BoxTree, queries: FloatArray, places: Places) -> RangeTask:
-    """Task for one thread: find the places nearest to queries[start:stop]."""
+def projection_task(
+    surface: SurfaceArrays, tree: BoxTree, queries: FloatArray, order: IntArray, places: Places
+) -> RangeTask:
+    """Task for one thread: find the places nearest to queries[order[start:stop]]."""
     work, stack, place = np.empty(WORK_SIZE), np.empty(STACK_SIZE, np.int32), np.empty(2 * PLACE_SIZE)
 
     def run(start: int, stop: int) -> None:
-        project_points(surface, tree, queries, start, stop, work, stack, place, places)
+        project_points(surface, tree, queries, order, start, stop, work, stack, place, places)
 
     return run
 
@@ -83,6 +85,7 @@ def project_points(
     surface: SurfaceArrays,
     tree: BoxTree,
     queries: FloatArray,
+    order: IntArray,
     start: int,
     stop: int,
     work: FloatArray,
@@ -90,9 +93,9 @@ def project_points(
     place: FloatArray,
     places: Places,
 ) -> None:
-    """Find the places nearest to queries[start:stop]."""
+    """Find the places nearest to queries[order[start:stop]]."""
     guess = -1
-    for q in range(start, stop):
+    for q in order[start:stop]:
         x, y, z = queries[q, 0], queries[q, 1], queries[q, 2]
         guess = nearest_face(surface.vertices, surface.faces, tree, x, y, z, guess, stack, place)
         if guess < 0:

@@ -14,7 +14,7 @@ from bezier_filters.estimation.estimate import estimate_patches, estimate_vertex
 from bezier_filters.feature_lines.crease_lines import find_sharp_edges
 from bezier_filters.fitting.patch_geometry import PatchGeometry
 from bezier_filters.kernels.kernel_input import PATCH_DEGREE, PATCH_ORIGIN, PATCH_SQUARE
-from bezier_filters.meshes.box_tree import BoxTree
+from bezier_filters.meshes.box_tree import BoxTree, morton_order
 from bezier_filters.meshes.half_edges import half_edge_twins
 from bezier_filters.meshes.mesh import TriangleMesh, takes_meshes, triangle_mesh
 from bezier_filters.meshes.mesh_objects import MeshLike
@@ -109,11 +109,11 @@ class Surface:
             raise InvalidParameterError(f"points: expected real numbers of shape (q, 3); {error}") from None
         if queries.ndim != 2 or queries.shape[1] != 3 or not np.isfinite(queries).all():
             raise InvalidParameterError(f"points: got shape {queries.shape}, expected finite numbers of shape (q, 3)")
-        queries = np.ldexp(queries, -self.exponent)
-        places = _empty_places(len(queries))
+        queries, places = np.ldexp(queries, -self.exponent), _empty_places(len(queries))
+        order = morton_order(queries)  # points that are near each other need the same patches
         with use_threads(threads):
             run_in_chunks(
-                lambda: projection_task(self.arrays, self.tree, queries, places), len(queries), progress=progress
+                lambda: projection_task(self.arrays, self.tree, queries, order, places), len(queries), progress=progress
             )
         return self._result(places, np.einsum("ij,ij->i", queries - places.points, places.normals))
 
