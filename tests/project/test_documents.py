@@ -67,7 +67,7 @@ def in_help():
     top = typer.main.get_command(app).commands
     commands = top | {f"scale {name}": command for name, command in top["scale"].commands.items()}
     return [
-        pytest.param(command, id=f"help-{name}-{k}")
+        pytest.param(command, id=f"help-{name}-{k}", marks=[pytest.mark.slow] if name == "compile" else [])
         for name, entry in commands.items()
         for k, command in enumerate(re.findall(r"^Example: bezier-filters (.*)$", entry.epilog or "", re.MULTILINE))
     ]
