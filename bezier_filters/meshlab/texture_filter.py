@@ -17,6 +17,7 @@ from bezier_filters.meshlab.meshset import (
     Length,
     MeshSet,
     absolute_length,
+    check_unchanged,
     checks_filter_arguments,
     current_mesh,
     preserve_filter_script,
@@ -34,8 +35,7 @@ from bezier_filters.textures.bake import BakedTexture, TextureMap, bake_texture
 
 NO_COORDINATES = (
     "the current mesh has no texture coordinates; unwrap it first: in Blender, or with pymeshlab's "
-    "generate_voronoi_atlas_parametrization (closed surfaces), "
-    "compute_texcoord_parametrization_least_squares_conformal_maps (sheets) or "
+    "generate_voronoi_atlas_parametrization (a new layer, with large charts) or "
     "compute_texcoord_parametrization_triangle_trivial_per_wedge (a chart for each face)"
 )
 
@@ -126,6 +126,7 @@ def compute_texmap_by_bezier_patch(
             threads=threads,
         )
         clock.append(clock_without_compilation())
+        check_unchanged(ms, mesh)
         if textname is not None:
             save_texture(textname, baked, bits=bits)
     except (InvalidMeshError, InvalidParameterError) as error:

@@ -18,6 +18,7 @@ from bezier_filters.meshes.unit_size import LENGTH, normalizes_size
 from bezier_filters.runtime.parallel import Progress, runs_on_threads
 from bezier_filters.status import FitStatus
 from bezier_filters.textures.patch_normals import (
+    are_on_sharp_edges,
     find_patch_normals,
     mean_face_normals,
     tangent_spaces,
@@ -119,8 +120,9 @@ def bake_texture(
     - ``"normal"`` is a tangent-space normal map: with it a coarse mesh is shaded like the surface that is fitted to it.
 
     Grey maps are computed at the vertices and interpolated linearly. Sharp edges have curvatures beyond any scale, and
-    appear as lines that fade out within the faces next to them. The normal map holds the normals of the patches,
-    blended over each face with an error of third order in its size, relative to the interpolated `normals`.
+    appear as lines that fade out within the faces next to them; there the larger curvature counts alone. The normal map
+    holds the normals of the patches, blended over each face with an error of third order in its size, relative to the
+    interpolated `normals`.
 
     Parameters
     ----------
@@ -203,7 +205,7 @@ def bake_texture(
         without_patch = _shade_normals(image, texels, mesh, geometry, coordinates, shading, directx=directx)
     else:
         scale = _default_scale(mesh, geometry) if scale is None else scale
-        _shade_values(image, texels, _vertex_values(geometry, map, scale)[mesh.faces])
+        _shade_values(image, texels, _vertex_values(mesh, geometry, map, scale)[mesh.faces])
     covered = texels.mask()
     image = image.reshape(size, size, -1) if len(flat) > 1 else image.reshape(size, size)
     dilate(image, covered, padding)
@@ -278,9 +280,17 @@ def _default_scale(mesh: PreparedMesh, geometry: VertexGeometry) -> float:
     return diagonal if strongest * diagonal <= 1.0 else max(1.0 / strongest, edge)
 
 
-def _vertex_values(geometry: VertexGeometry, map: TextureMap, scale: float) -> FloatArray:
-    """Values of a map at the vertices, (n,); those of flat parts where no curvature is known."""
+def _vertex_values(mesh: PreparedMesh, geometry: VertexGeometry, map: TextureMap, scale: float) -> FloatArray:
+    """Values of a map at the vertices, (n,); those of flat parts where no curvature is known.
+
+    On sharp edges the larger curvature counts alone: the fit to both sides waves along the edge, and would make dark
+    spots on convex edges of cavity maps.
+    """
     convex, concave = np.maximum(geometry.k_max, 0.0) * scale, np.maximum(-geometry.k_min, 0.0) * scale
+    sharp = are_on_sharp_edges(mesh, geometry)
+    convex, concave = (
+        np.where(sharp & (other > own), 0.0, own) for own, other in ((convex, concave), (concave, convex))
+    )
     if map == "curvature":
         return 0.5 + 0.5 * np.clip(convex - concave, -1.0, 1.0)
     return np.minimum(convex, 1.0) if map == "convexity" else 1.0 - np.minimum(concave, 1.0)

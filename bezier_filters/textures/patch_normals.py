@@ -48,8 +48,7 @@ def find_patch_normals(mesh: PreparedMesh, geometry: VertexGeometry) -> PatchNor
     has its own normal.
     """
     faces, points = mesh.faces, mesh.vertices[mesh.faces]
-    smooth = mesh if geometry.noise_free is None else mesh.move(geometry.noise_free)
-    is_usable = (geometry.status <= FitStatus.NORMAL_ONLY) & ~smooth.barriers
+    is_usable = (geometry.status <= FitStatus.NORMAL_ONLY) & ~are_on_sharp_edges(mesh, geometry)
     normals, own = geometry.normals[faces], unit_vectors(area_vectors(mesh.vertices, faces))
     usable = is_usable[faces] & (np.einsum("fcj,fj->fc", normals, own) > 0.0)
 
@@ -76,6 +75,12 @@ def find_patch_normals(mesh: PreparedMesh, geometry: VertexGeometry) -> PatchNor
         continued = np.where(usable.any(axis=1, keepdims=True), others, own)
         corners[:, i] = unit_vectors(np.where(usable[:, i, np.newaxis], normals[:, i], continued))
     return PatchNormals(corners, edges, usable.any(axis=1))
+
+
+def are_on_sharp_edges(mesh: PreparedMesh, geometry: VertexGeometry) -> BoolArray:
+    """Whether vertices (n,) are on sharp edges, those of the denoised surface where noise may hide or make them."""
+    smooth = mesh if geometry.noise_free is None else mesh.move(geometry.noise_free)
+    return smooth.barriers
 
 
 def mean_face_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:

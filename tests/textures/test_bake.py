@@ -84,6 +84,18 @@ def test_sharp_edges_are_lines():
     np.testing.assert_allclose(found[flat], 0.5, atol=1e-6)
 
 
+def test_convex_edges_and_corners_make_no_dark_spots():
+    vertices, faces = block_with_sharp_edges(resolution=8, jitter=0.2)
+    charts = separate_charts(faces)
+    baked = bake_texture(vertices, faces, charts, "cavity", size=1024)
+    points = points_of(texels := cover_texels(charts, 1024), vertices, faces)
+    found = baked.image.ravel()[texels.places]
+    is_far = np.abs(points).min(axis=1) + (points < -0.2).any(axis=1) > 0.2  # from the notch
+    assert is_far.sum() > 0.3 * len(points)
+    np.testing.assert_allclose(found[is_far], 1.0, atol=1e-6)
+    assert found.min() == 0.0
+
+
 def test_rims_do_not_bleed():
     """Each chart has a value of its own, which all texels within the padding of it have, and none of the others."""
     values = np.repeat(np.linspace(0.1, 0.9, 4), 2)  # curvatures of four triangles, at the scale 1
