@@ -34,7 +34,7 @@ FLAT: dict[TextureMap, tuple[float, ...]] = {
     "convexity": (0.0,),
     "normal": (0.5, 0.5, 1.0),
 }
-MAX_TEXTURE_SIZE = 8192  # texels: 4 GB of memory
+MAX_TEXTURE_SIZE = 8192  # texels: memory grows with the area, and is 1.4 GB for 4,096
 MAX_PADDING = 256  # texels: more than eight mip-map levels need
 # Percentage of the vertices with the strongest curvatures that may saturate with the default scale: as with the
 # colours of a quality, `percentile`.
