@@ -34,6 +34,7 @@ smoothing
 estimation
 feature_lines
 holes
+textures
 files
 scale
 compilation
