@@ -15,6 +15,7 @@ from .files.field_files import save_fields as save_fields
 from .files.filter_scripts import ScriptStep as ScriptStep
 from .files.filter_scripts import read_filter_script as read_filter_script
 from .files.filter_scripts import save_filter_script as save_filter_script
+from .files.texture_files import save_texture as save_texture
 from .fitting.vertex_geometry import VertexGeometry as VertexGeometry
 from .fitting.vertex_patch import vertex_patch as vertex_patch
 from .holes.bridging import BridgingResult as BridgingResult
@@ -57,6 +58,7 @@ from .meshlab.replacement_filter import (
 from .meshlab.scripts import StepReport as StepReport
 from .meshlab.scripts import run_filter_script as run_filter_script
 from .meshlab.scripts import script_step as script_step
+from .meshlab.texture_filter import compute_texmap_by_bezier_patch as compute_texmap_by_bezier_patch
 from .meshlab.vertex_filters import apply_coord_bezier_patch_smoothing as apply_coord_bezier_patch_smoothing
 from .meshlab.vertex_filters import (
     compute_curvature_by_bezier_patch_per_vertex as compute_curvature_by_bezier_patch_per_vertex,
@@ -82,3 +84,5 @@ from .pictures.scene import Panel as Panel
 from .smoothing.smooth import SmoothingResult as SmoothingResult
 from .smoothing.smooth import smooth as smooth
 from .status import FitStatus as FitStatus
+from .textures.bake import BakedTexture as BakedTexture
+from .textures.bake import bake_texture as bake_texture

@@ -14,6 +14,7 @@ from itertools import groupby
 from typing import TypeVar
 
 from bezier_filters.fields import (
+    BAKE,
     CREASES,
     CURVATURE,
     ESTIMATES,
@@ -217,6 +218,21 @@ minstrength : float, default 2.0
     Omit smooth lines that are weaker: shorter, in radii of the curvature across them.
     A line is weaker, too, where that curvature hardly changes across it.
 """)
+TEXTURE = parameters(f"""
+texmap : {{"curvature", "cavity", "convexity", "normal"}}, default "curvature"
+    curvature (grey is flat, white convex), cavity (concave is black), convexity (convex is white) or normal.
+size : int, default 1024
+    Rows, and columns, of the image.
+scale : {LENGTH_TYPE}, optional
+    Radius of curvature at which the map saturates, a length or a percentage of the diagonal of the bounding box.
+    By default 2 % of the vertices saturate, sharp edges aside. Maps of several meshes are comparable if it is given.
+padding : int, default 8
+    Texels around charts that repeat the nearest value inside, against seams in filters and mip-maps.
+bits : int, default 16
+    Bits of each channel of the file, 8 or 16.
+directx : bool, default False
+    Green is down (-Y, DirectX) in a normal map; otherwise it is up (+Y, OpenGL).
+""")
 
 
 def _quality(fields: dict[str, Field], default: str | None) -> Parameter:
@@ -254,6 +270,7 @@ PARAMETERS = {
     "replace": (*REPLACEMENT, *RUN),
     "bridge": (*BRIDGES, *RUN),
     CREASES: (*LINES, *FIT, *RUN),
+    BAKE: (*TEXTURE, *FIT, *RUN),
 }
 _ESTIMATED = """\
 ms : pymeshlab.MeshSet

@@ -285,6 +285,7 @@ _NAMES = {
     "outerrims": "outer-rims",
     "boltholes": "bolt-holes",
     "minstrength": "min-strength",
+    "texmap": "map",
 }
 # least values that typer accepts
 _MINIMUM = {

@@ -278,6 +278,16 @@ def print_creases(report: Report, source: str) -> None:
         out().print("  ridges and ravines that are not sharp need patches of degree 3; these have 2")
 
 
+def print_texture(report: Report, source: str) -> None:
+    """Print what an image over the texture coordinates of a mesh shows."""
+    print_status(report, source)
+    scale = "" if report["scale"] is None else f", saturated at a radius of curvature of {report['scale']:.4g} (length)"
+    out().print(
+        f"  {report['texmap']} map of {report['size']:,} x {report['size']:,} texels, {report['bits']} bits, "
+        f"{report['covered']:.0%} in faces{scale}"
+    )
+
+
 def print_statistics(report: Report, label: str) -> None:
     """Print statistics of a quality, if there are any."""
     if report["statistics"] is None:
@@ -322,6 +332,8 @@ def _numbers(report: Report) -> str:
         return f"{report['bridged_pairs']:,} pairs of holes joined, {report['open_pairs']:,} left open"
     if "replaced_patches" in report:
         return f"{report['replaced_patches']:,} patches replaced, {report['kept_patches']:,} left as they were"
+    if "texmap" in report:
+        return f"{report['texmap']} map, {report['covered']:.0%} of {report['size']:,} x {report['size']:,} texels"
     if "noise_before" in report:
         return _noise_change(report)
     if report.get("statistics"):

@@ -35,6 +35,7 @@ estimation
 feature_lines
 patch_surface
 holes
+textures
 files
 scale
 compilation

@@ -67,7 +67,7 @@ def in_help():
     top = typer.main.get_command(app).commands
     commands = top | {f"scale {name}": command for name, command in top["scale"].commands.items()}
     return [
-        pytest.param(command, id=f"help-{name}-{k}")
+        pytest.param(command, id=f"help-{name}-{k}", marks=[pytest.mark.slow] if name == "compile" else [])
         for name, entry in commands.items()
         for k, command in enumerate(re.findall(r"^Example: bezier-filters (.*)$", entry.epilog or "", re.MULTILINE))
     ]
@@ -88,6 +88,9 @@ def prepared(tmp_path_factory):
     vertices = ms.current_mesh().vertex_matrix()
     ms.add_mesh(pymeshlab.Mesh(vertices))
     ms.save_current_mesh(str(folder / "points.ply"))
+    ms.set_current_mesh(0)
+    ms.compute_texcoord_parametrization_triangle_trivial_per_wedge(textdim=1024)
+    ms.save_current_mesh(str(folder / "textured.obj"))
     (folder / "scans").mkdir()
     shutil.copy(folder / "scan.ply", folder / "scans")
     for command, result, *options in (

@@ -27,8 +27,9 @@ COMMANDS = {
     "compute_curvature_by_bezier_patch_per_vertex": "curvature",
     "compute_torsion_by_bezier_patch_per_vertex": "torsion",
     "compute_selection_by_bezier_crease_per_edge": "creases",
+    "compute_texmap_by_bezier_patch": "bake",
 }
-OF_FILTERS_ALONE = {"ms", "onselected", "newfaceselected", "polylines"}
+OF_FILTERS_ALONE = {"ms", "onselected", "newfaceselected", "polylines", "textname"}
 KINDS = {
     "bool": bool,
     "int": int,

@@ -35,6 +35,7 @@ COMMANDS = {
     "fill-holes": ["out.ply"],
     "bridge": ["out.ply"],
     "replace": ["out.ply", "--where", "fi == 0"],
+    "bake": ["out.png"],
     "render": ["out.png"],
     "info": [],
     "demo": ["--out", "."],
@@ -242,6 +243,7 @@ def test_polygons_stay_polygons(function):
     del squares[30:32]
     ms = pymeshlab.MeshSet()
     ms.add_mesh(pymeshlab.Mesh(vertices.reshape(-1, 3), face_list_of_indices=squares))
+    ms.compute_texcoord_by_function_per_vertex(u="x", v="y")
     before = [list(polygon) for polygon in ms.current_mesh().polygonal_face_list()]
     triangles = ms.current_mesh().face_number()
     report = function(ms)
