@@ -27,6 +27,7 @@ from bezier_filters.holes.polyharmonic_fairing import polyharmonic_continuation
 from bezier_filters.meshes.adjacency import Adjacency, Rows
 from bezier_filters.meshes.half_edges import faces_at_edges
 from bezier_filters.meshes.spatial_order import MIN_REORDER_VERTICES, has_locality
+from bezier_filters.patch_surface.surface import fit_surface
 from bezier_filters.runtime.compile_time import ANNOUNCEMENTS
 from bezier_filters.runtime.kernel_cache import SUFFIX
 from bezier_filters.runtime.kernel_folders import kernel_folders
@@ -141,6 +142,12 @@ def _fill() -> None:
     fill_holes(ball.vertices, _remove_faces_near(ball.vertices, ball.faces, (0.9, 0.0, 0.0)))
 
 
+def _ask_surface() -> None:
+    surface = fit_surface(*_torus_with_holes())
+    surface.query(np.zeros((1, 3)))
+    surface.evaluate([0], [[0.2, 0.3]])
+
+
 def _find_lines() -> None:
     find_creases(*block_with_sharp_edges(resolution=8))
 
@@ -192,6 +199,7 @@ STAGES: tuple[dict[str, Callable[[], None]], ...] = (
         "smoothing": _smooth,
         "point clouds": _estimate_points,
         "estimates": _estimate_in_all_ways,
+        "surfaces": _ask_surface,
         "feature lines": _find_lines,
         "tiles": _run_tiles,
         "rare cases": _run_rare_cases,

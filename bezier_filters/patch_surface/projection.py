@@ -30,7 +30,7 @@ PROJECTION_ACCURACY = (
     1e-8  # least step in barycentric coordinates and sizes of the face; errors of distances: its square
 )
 ON_EDGE = 1e-14  # barycentric coordinate up to which a place is on an edge: rounding errors
-MIN_PIVOT = 1e-3  # least determinant of Newton's matrix over that of its positive part
+MIN_NEWTON_RATIO = 1e-3  # least determinant of Newton's matrix over that of its positive part
 TANGENTS, RATES, WORK_SIZE = SIZE, SIZE + 6, SIZE + 8  # columns of the scratch array of a thread
 # Outcomes of a query, see `PlaceStatus`
 ON_SURFACE, AT_BORDER, NOT_CONVERGED, ON_FACE, NO_PLACE = 0, 1, 2, 3, 4
@@ -205,7 +205,7 @@ def _derivatives(
     h11 = j11 + height * _form(form, tangent[:3], tangent[:3])
     h12 = j12 + height * _form(form, tangent[:3], tangent[3:])
     h22 = j22 + height * _form(form, tangent[3:], tangent[3:])
-    if h11 > 0.0 and h11 * h22 - h12 * h12 > MIN_PIVOT * (j11 * j22 - j12 * j12):
+    if h11 > 0.0 and h11 * h22 - h12 * h12 > MIN_NEWTON_RATIO * (j11 * j22 - j12 * j12):
         return g1, g2, h11, h12, h22
     return g1, g2, j11, j12, j22
 
@@ -220,7 +220,7 @@ def _match_step(
     """
     v1, v2, along = h11 * s1 + h12 * s2, h12 * s1 + h22 * s2, y1 * s1 + y2 * s2
     before = s1 * v1 + s2 * v2
-    if not (along > MIN_PIVOT * before and before > 0.0):
+    if not (along > MIN_NEWTON_RATIO * before and before > 0.0):
         return h11, h12, h22
     return (
         h11 + y1 * y1 / along - v1 * v1 / before,
@@ -239,13 +239,13 @@ def _form(form: FloatArray, u: FloatArray, v: FloatArray) -> float:
 
 
 @inner_jit()
-def _edge_left(a: float, b: float, step_a: float, step_b: float, besides: int) -> int:
+def _edge_left(a: float, b: float, step_a: float, step_b: float, except_edge: int) -> int:
     """The edge, by its opposite corner, that a place is on and that a step leaves the face across; -1 if none."""
     edge, most = -1, 0.0
     for m in range(3):
         coordinate = a if m == 1 else b if m == 2 else 1.0 - a - b
         step = step_a if m == 1 else step_b if m == 2 else -step_a - step_b
-        if m != besides and coordinate <= ON_EDGE and step < most:
+        if m != except_edge and coordinate <= ON_EDGE and step < most:
             edge, most = m, step
     return edge
 

@@ -55,7 +55,7 @@ class SurfacePoints(DerivedCurvatures):
     coordinates : (q, 2) float64
         Barycentric coordinates of the second and third corner of the face.
     outcome : (q,) int8
-        0 for the nearest place; 1 where that is on the border, so that the query is beside the surface; 2 where
+        0 for the nearest place; 1 where that is on the border, so that the query is not over the surface; 2 where
         Newton's method did not converge; 3 where the face has no patches, or they fold, and the place is on the face.
     mean_curvature, gaussian_curvature, geodesic_torsion : (q,) float64
         Derived from `k_min` and `k_max`.
@@ -101,7 +101,9 @@ class Surface:
     geometry: PatchGeometry
     exponent: int = 0
 
-    def at(self, points: ArrayLike, *, threads: int | None = None, progress: Progress | None = None) -> SurfacePoints:
+    def query(
+        self, points: ArrayLike, *, threads: int | None = None, progress: Progress | None = None
+    ) -> SurfacePoints:
         """Find the nearest places on the surface to points (q, 3); see `surface_at`."""
         try:
             queries = real_array(points)
@@ -117,7 +119,7 @@ class Surface:
             )
         return self._result(places, np.einsum("ij,ij->i", queries - places.points, places.normals))
 
-    def over(
+    def evaluate(
         self,
         faces: ArrayLike,
         coordinates: ArrayLike,
@@ -242,7 +244,7 @@ def fit_surface(
     >>> from bezier_filters.surfaces import sphere
     >>> ball = sphere(radius=2.0)
     >>> surface = fit_surface(ball.vertices, ball.faces)
-    >>> found = surface.at([[3.0, 1.0, 0.0], [0.0, 0.0, 1.5]])
+    >>> found = surface.query([[3.0, 1.0, 0.0], [0.0, 0.0, 1.5]])
     >>> found.distances.round(3), found.mean_curvature.round(3)
     (array([ 1.162, -0.5  ]), array([0.5, 0.5]))
     """
@@ -298,7 +300,7 @@ def surface_at(
     >>> bool(abs(found.distances[0] - (np.hypot(2.5, 0.5) - 2.0)) < 1e-4), found.k_max.round(2), found.k_min.round(2)
     (True, array([0.5]), array([0.]))
     """
-    return fit_surface(vertices, faces, noise=noise, threads=threads, progress=progress).at(points, threads=threads)
+    return fit_surface(vertices, faces, noise=noise, threads=threads, progress=progress).query(points, threads=threads)
 
 
 def _complete_patches(geometry: PatchGeometry, vertices: FloatArray) -> FloatArray:
