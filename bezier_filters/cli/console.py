@@ -114,6 +114,8 @@ def print_tiles(report: Report) -> None:
         f"  {report['tiles']:,} tiles of {report['tile_vertices']:,} vertices{rounds}, {report['halo']:.0%} read "
         f"around them; {there:,} existed already; {report['peak_bytes']['worker'] / 1e9:.2f} GB per worker at most"
     )
+    dashboard = f", dashboard {report['dashboard']}" if report["dashboard"] else ""
+    out().print(f"  scheduler {report['scheduler']}{dashboard}", markup=False)
     if report["damaged_tiles"]:
         out().print(f"  damaged, and computed again: tiles {', '.join(map(str, report['damaged_tiles']))}")
 

@@ -128,7 +128,7 @@ def test_command_runs(command, outcome):
     Processes for tiles and batches are started by other tests, and by the script above.
     """
     arguments = shlex.split(command, comments=True)
-    if arguments[0] in ("view", "watch", "--install-completion") or "HOST" in command:
+    if arguments[0] in ("view", "watch", "--install-completion") or re.search("HOST|scheduler-file", command):
         arguments.append("--help")
     elif arguments[0] == "scale":
         arguments += ["--scheduler", "synchronous"]
