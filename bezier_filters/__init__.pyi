@@ -82,3 +82,9 @@ from .pictures.scene import Panel as Panel
 from .smoothing.smooth import SmoothingResult as SmoothingResult
 from .smoothing.smooth import smooth as smooth
 from .status import FitStatus as FitStatus
+from .surface_lines.lines import LineEnd as LineEnd
+from .surface_lines.lines import SurfaceLine as SurfaceLine
+from .surface_lines.lines import SurfaceLines as SurfaceLines
+from .surface_lines.lines import trace_lines as trace_lines
+from .surface_lines.umbilics import Umbilic as Umbilic
+from .surface_lines.umbilics import find_umbilics as find_umbilics

@@ -27,6 +27,7 @@ from bezier_filters.holes.polyharmonic_fairing import polyharmonic_continuation
 from bezier_filters.meshes.adjacency import Adjacency, Rows
 from bezier_filters.meshes.half_edges import faces_at_edges
 from bezier_filters.meshes.spatial_order import MIN_REORDER_VERTICES, has_locality
+from bezier_filters.patch_surface.surface import fit_surface
 from bezier_filters.runtime.compile_time import ANNOUNCEMENTS
 from bezier_filters.runtime.kernel_cache import SUFFIX
 from bezier_filters.runtime.kernel_folders import kernel_folders
@@ -34,6 +35,7 @@ from bezier_filters.runtime.parallel import Progress, report, usable_threads
 from bezier_filters.runtime.worker_processes import run_in_processes
 from bezier_filters.sampling.mesh_parts import grow_component, next_unseen
 from bezier_filters.smoothing.smooth import smooth
+from bezier_filters.surface_lines.lines import trace_lines
 from bezier_filters.surfaces import block_with_sharp_edges, sphere, torus
 
 _PLY = b"""ply
@@ -145,6 +147,11 @@ def _find_lines() -> None:
     find_creases(*block_with_sharp_edges(resolution=8))
 
 
+def _trace_lines() -> None:
+    ring = torus(resolution=12)
+    trace_lines(fit_surface(ring.vertices, ring.faces), spacing=0.5)
+
+
 def _run_tiles() -> None:
     if importlib.util.find_spec("distributed") is None:  # without the extra `scale`
         return
@@ -193,6 +200,7 @@ STAGES: tuple[dict[str, Callable[[], None]], ...] = (
         "point clouds": _estimate_points,
         "estimates": _estimate_in_all_ways,
         "feature lines": _find_lines,
+        "surfaces and lines on them": _trace_lines,
         "tiles": _run_tiles,
         "rare cases": _run_rare_cases,
     },

@@ -110,7 +110,7 @@ class Surface:
         if queries.ndim != 2 or queries.shape[1] != 3 or not np.isfinite(queries).all():
             raise InvalidParameterError(f"points: got shape {queries.shape}, expected finite numbers of shape (q, 3)")
         queries = np.ldexp(queries, -self.exponent)
-        places = _empty_places(len(queries))
+        places = empty_places(len(queries))
         with use_threads(threads):
             run_in_chunks(
                 lambda: projection_task(self.arrays, self.tree, queries, places), len(queries), progress=progress
@@ -141,7 +141,7 @@ class Surface:
             raise InvalidParameterError("coordinates: expected two numbers for each face, from 0 to 1 in total")
         if len(rows) and not (rows.dtype.kind in "iu" and rows.min() >= 0 and rows.max() < len(self.mesh.faces)):
             raise InvalidParameterError(f"faces: expected integers from 0 to {len(self.mesh.faces) - 1}")
-        places = _empty_places(len(rows))
+        places = empty_places(len(rows))
         places.face[:], places.coordinates[:] = rows, where
         with use_threads(threads):
             run_in_chunks(lambda: evaluation_task(self.arrays, places), len(rows), progress=progress)
@@ -319,7 +319,8 @@ def _complete_patches(geometry: PatchGeometry, vertices: FloatArray) -> FloatArr
     return rows
 
 
-def _empty_places(count: int) -> Places:
+def empty_places(count: int) -> Places:
+    """Room for the results of so many queries."""
     return Places(
         np.full(count, -1, dtype=np.int32),
         np.zeros((count, 2)),
