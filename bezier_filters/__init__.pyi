@@ -82,6 +82,8 @@ from .pictures.scene import Panel as Panel
 from .smoothing.smooth import SmoothingResult as SmoothingResult
 from .smoothing.smooth import smooth as smooth
 from .status import FitStatus as FitStatus
+from .surface_lines.curve_geometry import CurveGeometry as CurveGeometry
+from .surface_lines.curve_geometry import curve_geometry as curve_geometry
 from .surface_lines.lines import LineEnd as LineEnd
 from .surface_lines.lines import SurfaceLine as SurfaceLine
 from .surface_lines.lines import SurfaceLines as SurfaceLines
