@@ -44,6 +44,9 @@ from .meshlab.crease_filter import (
     compute_selection_by_bezier_crease_per_edge as compute_selection_by_bezier_crease_per_edge,
 )
 from .meshlab.hole_filter import meshing_close_holes_by_bezier_patch as meshing_close_holes_by_bezier_patch
+from .meshlab.line_filter import (
+    generate_polyline_by_bezier_patch_direction as generate_polyline_by_bezier_patch_direction,
+)
 from .meshlab.mesh_colors import color_by_quality as color_by_quality
 from .meshlab.mesh_colors import save_quality_map as save_quality_map
 from .meshlab.mesh_files import load_mesh as load_mesh

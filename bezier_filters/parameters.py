@@ -217,6 +217,25 @@ minstrength : float, default 2.0
     Omit smooth lines that are weaker: shorter, in radii of the curvature across them.
     A line is weaker, too, where that curvature hardly changes across it.
 """)
+SURFACE_LINES = parameters(f"""
+family : {{"curvature", "max", "min", "torsion", "asymptotic", "normal"}}, default "curvature"
+    Lines of curvature (or those of k_max or k_min only), of torsion, asymptotic, or of a given normal curvature.
+    Torsion lines run at 45 degrees to the lines of curvature, where the geodesic torsion is extreme; along asymptotic
+    lines the normal curvature is 0.
+normalcurvature : float, optional
+    Normal curvature of the lines in 1/length, positive where convex; for normal.
+spacing : {LENGTH_TYPE}, optional
+    Distance between neighbouring lines, a length or a percentage of the diagonal of the bounding box; a 60th of it.
+    With seeds, lines have no spacing if left out, and may come as near to each other as they do.
+seeds : str, optional
+    Points on the lines: '0 0 1, 0.5 0 1'; then there are no others.
+maxerror : float, default 9.4
+    Standard error of the direction in degrees, at which lines end.
+    At the default, noise alone makes a direction once in a hundred times.
+noise : {LENGTH_TYPE}, optional
+    Standard deviation of the noise, a length or a percentage of the diagonal of the bounding box; learned if left out.
+    It is measured along the normal.
+""")
 
 
 def _quality(fields: dict[str, Field], default: str | None) -> Parameter:
@@ -254,6 +273,7 @@ PARAMETERS = {
     "replace": (*REPLACEMENT, *RUN),
     "bridge": (*BRIDGES, *RUN),
     CREASES: (*LINES, *FIT, *RUN),
+    "lines": (*SURFACE_LINES, *RUN),
 }
 _ESTIMATED = """\
 ms : pymeshlab.MeshSet

@@ -285,6 +285,8 @@ _NAMES = {
     "outerrims": "outer-rims",
     "boltholes": "bolt-holes",
     "minstrength": "min-strength",
+    "maxerror": "max-error",
+    "normalcurvature": "normal-curvature",
 }
 # least values that typer accepts
 _MINIMUM = {

@@ -190,10 +190,10 @@ def _windows(arc: FloatArray, neighbours: int, *, is_closed: bool) -> tuple[IntA
         rows = np.arange(-neighbours, k + neighbours, dtype=np.int32)
         turns, places = np.divmod(rows, k - 1)
         around = sliding_window_view(arc[places] + turns * arc[-1], count)
-        return sliding_window_view(places, count), around - arc[:, np.newaxis]
-    starts = np.clip(np.arange(k, dtype=np.int32) - neighbours, 0, k - count)
-    windows = starts[:, np.newaxis] + np.arange(count, dtype=np.int32)
-    return windows, arc[windows] - arc[:, np.newaxis]
+        return np.asarray(sliding_window_view(places, count), dtype=np.int32), around - arc[:, np.newaxis]
+    starts = np.clip(np.arange(k) - neighbours, 0, k - count)
+    windows: IntArray = np.add.outer(starts, np.arange(count)).astype(np.int32)
+    return windows, np.asarray(arc[windows] - arc[:, np.newaxis])
 
 
 def _derivatives(values: FloatArray, offsets: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError, is_real
+from bezier_filters.feature_lines.crease_lines import COLORS as CREASE_COLORS
 from bezier_filters.meshes.unit_size import CURVATURE, LENGTH
 from bezier_filters.patch_surface.projection import ON_SURFACE, WORK_SIZE
 from bezier_filters.patch_surface.surface import Surface, empty_places
@@ -52,6 +53,14 @@ from bezier_filters.surface_lines.umbilics import Umbilic, find_umbilics
 
 Family = Literal["curvature", "max", "min", "torsion", "asymptotic", "normal"]
 LineKind = Literal["max", "min", "plus", "minus"]
+# red, green and blue of the lines, and of umbilics by whether their index is positive, wherever they are drawn
+LINE_COLORS: dict[str, tuple[float, float, float]] = {
+    "max": CREASE_COLORS["ridge"],
+    "min": CREASE_COLORS["ravine"],
+    "plus": (0.85, 0.45, 0.05),
+    "minus": (0.1, 0.5, 0.45),
+}
+UMBILIC_COLORS: dict[bool, tuple[float, float, float]] = {True: (0.0, 0.0, 0.0), False: (0.95, 0.75, 0.0)}
 FIELDS_OF: dict[str, dict[LineKind, int]] = {
     "curvature": {"max": MAX_FIELD, "min": MIN_FIELD},
     "max": {"max": MAX_FIELD},
@@ -179,12 +188,20 @@ class SurfaceLines(TabularResult):
         Places where the principal directions are not defined, and turn around.
     spacing : float or None
         The distance between lines of a kind, a length; None for lines that may cross.
+    default_spacing : float
+        What it would be by default: a 60th of the diagonal of the bounding box.
     """
 
     family: Family
     lines: tuple[SurfaceLine, ...]
     umbilics: tuple[Umbilic, ...]
-    spacing: float | None = field(default=None, metadata=LENGTH)
+    spacing: float | None = field(metadata=LENGTH)
+    default_spacing: float = field(metadata=LENGTH)
+
+    @property
+    def mark_radius(self) -> float:
+        """Radius of the rings that mark umbilics, a length: a quarter of the spacing, or of the default one."""
+        return 0.25 * (self.spacing or self.default_spacing)
 
     def of_kind(self, kind: LineKind) -> tuple[SurfaceLine, ...]:
         """Lines of one kind."""
@@ -293,8 +310,9 @@ def trace_lines(
     """
     fields = _fields(family, normal_curvature)
     diagonal = float(np.linalg.norm(np.ptp(surface.mesh.vertices, axis=0)))
+    default_spacing = float(np.ldexp(DEFAULT_SPACING * diagonal, surface.exponent))
     if spacing is None and seeds is None:
-        spacing = float(np.ldexp(DEFAULT_SPACING * diagonal, surface.exponent))
+        spacing = default_spacing
     if spacing is not None and not (is_real(spacing) and 0.0 < spacing < np.inf):
         raise InvalidParameterError(f"spacing: got {spacing!r}, expected a positive length")
     distance = 0.0 if spacing is None else float(np.ldexp(spacing, -surface.exponent))
@@ -329,7 +347,7 @@ def trace_lines(
                     store = enlarge_store(store)
             lines += _lines(surface, store, kind)
         report(progress, total, total)
-        return SurfaceLines(family, tuple(lines), find_umbilics(surface), spacing)
+        return SurfaceLines(family, tuple(lines), find_umbilics(surface), spacing, default_spacing)
 
 
 def _fields(family: str, normal_curvature: float | None) -> dict[LineKind, int]:

@@ -85,6 +85,15 @@ def find_umbilics(surface: Surface) -> tuple[Umbilic, ...]:
     )
 
 
+def ring_around(umbilic: Umbilic, radius: float) -> FloatArray:
+    """A closed polyline (13, 3) around an umbilic on its tangent plane, to mark it."""
+    across = np.cross(umbilic.normal, np.eye(3)[np.abs(umbilic.normal).argmin()])
+    across /= np.linalg.norm(across)
+    angles = np.linspace(0.0, 2.0 * np.pi, 13)[:, np.newaxis]
+    other = np.cross(umbilic.normal, across)
+    return np.asarray(umbilic.point + radius * (np.cos(angles) * across + np.sin(angles) * other))
+
+
 def has_directions(geometry: VertexGeometry) -> BoolArray:
     """Vertices (n,) whose principal directions are known: as for lines, see `trace_lines`."""
     difference = geometry.k_max - geometry.k_min

@@ -27,6 +27,7 @@ COMMANDS = {
     "compute_curvature_by_bezier_patch_per_vertex": "curvature",
     "compute_torsion_by_bezier_patch_per_vertex": "torsion",
     "compute_selection_by_bezier_crease_per_edge": "creases",
+    "generate_polyline_by_bezier_patch_direction": "lines",
 }
 OF_FILTERS_ALONE = {"ms", "onselected", "newfaceselected", "polylines"}
 KINDS = {
