@@ -26,7 +26,7 @@ def line_panel(
     ]
     names = [(_NAMES[kind], LINE_COLORS[kind]) for kind in FIELDS_OF[found.family]]
     signs = {umbilic.index > 0.0 for umbilic in found.umbilics}
-    names += [(f"umbilics, {'+' if sign else '-'}1/2", UMBILIC_COLORS[sign]) for sign in (True, False) if sign in signs]
+    names += [(_UMBILICS[sign], UMBILIC_COLORS[sign]) for sign in (True, False) if sign in signs]
     return Panel(
         vertices,
         faces,
@@ -38,4 +38,5 @@ def line_panel(
     )
 
 
+_UMBILICS = {True: "umbilics of positive index", False: "umbilics of negative index"}
 _NAMES = {"max": "lines of k_max", "min": "lines of k_min", "plus": "left of k_max", "minus": "right of k_max"}

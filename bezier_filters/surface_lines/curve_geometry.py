@@ -184,7 +184,7 @@ def _curve_points(points: ArrayLike, neighbours: int) -> FloatArray:
 
 
 def _windows(arc: FloatArray, neighbours: int, *, is_closed: bool) -> tuple[IntArray, FloatArray]:
-    """Rows of the points around each one, (k, 2 j + 1), and their arc lengths from it; at ends those beside the end."""
+    """Rows of the points around each one, (k, 2 j + 1), and their arc lengths from it; at an end those next to it."""
     k, count = len(arc), 2 * neighbours + 1
     if is_closed:  # the last point is the first one
         rows = np.arange(-neighbours, k + neighbours, dtype=np.int32)

@@ -7,8 +7,7 @@ from scipy.spatial import cKDTree
 from bezier_filters import CancelledError, InvalidParameterError, LineEnd, fit_surface, trace_lines
 from bezier_filters.surface_lines.umbilics import face_indices
 from bezier_filters.surfaces import bumpy_star, cylinder, ellipsoid, height_field, torus
-
-AXES = np.array([1.0, 0.8, 0.5])
+from lines import AXES, deviation, exact_umbilics
 
 
 def rms(values):
@@ -21,26 +20,6 @@ def add_noise(body, level, seed=0):
     edge = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).mean()
     heights = level * edge * np.random.default_rng(seed).standard_normal((len(body.vertices), 1))
     return body.vertices + heights * body.normals
-
-
-def deviation(points, *, of_max):
-    """Largest distance of points near the ellipsoid from a confocal quadric, whose parameter is their median.
-
-    The parameter q is a root of sum x_i^2 / (a_i^2 - q) = 1 besides 0, the larger one along lines of k_max.
-    """
-    squares = AXES**2
-    coefficients = np.empty((len(points), 4))
-    for row, x in zip(coefficients, points**2, strict=True):
-        row[:] = -np.poly(squares)
-        for axis in range(3):
-            row[1:] -= x[axis] * np.poly(np.delete(squares, axis))
-    roots = np.sort([np.roots(row).real for row in coefficients], axis=1)
-    own = roots[np.arange(len(points)), np.abs(roots).argmin(axis=1)]
-    roots = np.array([row[row != zero] for row, zero in zip(roots, own, strict=True)])
-    q = roots[:, 1 if of_max else 0]
-    # grad q = 2 x / (a^2 - q) / sum (x / (a^2 - q))^2
-    slope = 2.0 / np.linalg.norm(points / (squares - q[:, np.newaxis]), axis=1)
-    return np.abs((q - np.median(q)) / slope).max()
 
 
 @pytest.fixture(scope="module")
@@ -58,12 +37,9 @@ def test_lines_of_curvature_of_an_ellipsoid_are_its_intersections_with_confocal_
 
 
 def test_an_ellipsoid_has_four_umbilics_of_index_one_half(ellipsoid_lines):
-    a, b, c = AXES**2
-    x, z = np.sqrt(a * (a - b) / (a - c)), np.sqrt(c * (b - c) / (a - c))
-    exact = np.array([[sx * x, 0.0, sz * z] for sx in (-1, 1) for sz in (-1, 1)])
     found = np.array([umbilic.point for umbilic in ellipsoid_lines.umbilics])
     assert [umbilic.index for umbilic in ellipsoid_lines.umbilics] == [0.5] * 4
-    distances, rows = cKDTree(exact).query(found)
+    distances, rows = cKDTree(exact_umbilics()).query(found)
     assert sorted(rows) == [0, 1, 2, 3]
     assert distances.max() < 5e-3
 
