@@ -45,6 +45,9 @@ from .meshlab.crease_filter import (
     compute_selection_by_bezier_crease_per_edge as compute_selection_by_bezier_crease_per_edge,
 )
 from .meshlab.hole_filter import meshing_close_holes_by_bezier_patch as meshing_close_holes_by_bezier_patch
+from .meshlab.line_filter import (
+    generate_polyline_by_bezier_patch_direction as generate_polyline_by_bezier_patch_direction,
+)
 from .meshlab.mesh_colors import color_by_quality as color_by_quality
 from .meshlab.mesh_colors import save_quality_map as save_quality_map
 from .meshlab.mesh_files import load_mesh as load_mesh
@@ -84,5 +87,13 @@ from .pictures.scene import Panel as Panel
 from .smoothing.smooth import SmoothingResult as SmoothingResult
 from .smoothing.smooth import smooth as smooth
 from .status import FitStatus as FitStatus
+from .surface_lines.curve_geometry import CurveGeometry as CurveGeometry
+from .surface_lines.curve_geometry import curve_geometry as curve_geometry
+from .surface_lines.lines import LineEnd as LineEnd
+from .surface_lines.lines import SurfaceLine as SurfaceLine
+from .surface_lines.lines import SurfaceLines as SurfaceLines
+from .surface_lines.lines import trace_lines as trace_lines
+from .surface_lines.umbilics import Umbilic as Umbilic
+from .surface_lines.umbilics import find_umbilics as find_umbilics
 from .textures.bake import BakedTexture as BakedTexture
 from .textures.bake import bake_texture as bake_texture

@@ -35,6 +35,7 @@ from bezier_filters.runtime.parallel import Progress, report, usable_threads
 from bezier_filters.runtime.worker_processes import run_in_processes
 from bezier_filters.sampling.mesh_parts import grow_component, next_unseen
 from bezier_filters.smoothing.smooth import smooth
+from bezier_filters.surface_lines.lines import trace_lines
 from bezier_filters.surfaces import block_with_sharp_edges, sphere, torus
 
 _PLY = b"""ply
@@ -152,6 +153,11 @@ def _find_lines() -> None:
     find_creases(*block_with_sharp_edges(resolution=8))
 
 
+def _trace_lines() -> None:
+    ring = torus(resolution=12)
+    trace_lines(fit_surface(ring.vertices, ring.faces), spacing=0.5)
+
+
 def _run_tiles() -> None:
     if importlib.util.find_spec("distributed") is None:  # without the extra `scale`
         return
@@ -201,6 +207,7 @@ STAGES: tuple[dict[str, Callable[[], None]], ...] = (
         "estimates": _estimate_in_all_ways,
         "surfaces": _ask_surface,
         "feature lines": _find_lines,
+        "surfaces and lines on them": _trace_lines,
         "tiles": _run_tiles,
         "rare cases": _run_rare_cases,
     },

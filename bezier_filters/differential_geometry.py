@@ -13,6 +13,13 @@ from bezier_filters.errors import InvalidParameterError
 MIN_TANGENTIAL_SINE = 1e-12
 """Sine of the angle between a normal and a direction up to which the direction counts as normal, without a tangential
 part: rounding leaves 1e-16 to 1e-14. Halving or doubling it changes only slopes of 1e-12 radians."""
+UMBILIC_RATIO = 2.0 * float(np.sqrt(np.log(100.0)))
+"""Difference of the principal curvatures over the standard error of the mean curvature, up to which noise may make it.
+Noise alone exceeds it once in a hundred times: in neighbourhoods that are round, half the difference has the
+distribution of Rayleigh, whose scale is that standard error over root 2."""
+MIN_CURVATURE_DIFFERENCE = 0.02
+"""Difference of the principal curvatures, in units of the larger one, below which directions mean nothing even without
+noise."""
 
 
 class DerivedCurvatures:

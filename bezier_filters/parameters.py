@@ -233,6 +233,25 @@ bits : int, default 16
 directx : bool, default False
     Green is down (-Y, DirectX) in a normal map; otherwise it is up (+Y, OpenGL).
 """)
+SURFACE_LINES = parameters(f"""
+family : {{"curvature", "max", "min", "torsion", "asymptotic", "normal"}}, default "curvature"
+    Lines of curvature (or those of k_max or k_min only), of torsion, asymptotic, or of a given normal curvature.
+    Torsion lines run at 45 degrees to the lines of curvature, where the geodesic torsion is extreme; along asymptotic
+    lines the normal curvature is 0.
+normalcurvature : float, optional
+    Normal curvature of the lines in 1/length, positive where convex; for normal.
+spacing : {LENGTH_TYPE}, optional
+    Distance between neighbouring lines, a length or a percentage of the diagonal of the bounding box; a 60th of it.
+    With seeds, lines have no spacing if left out, and may come as near to each other as they do.
+seeds : str, optional
+    Points on the lines: '0 0 1, 0.5 0 1'; then there are no others.
+maxerror : float, default 9.4
+    Standard error of the direction in degrees, at which lines end.
+    At the default, noise alone makes a direction once in a hundred times.
+noise : {LENGTH_TYPE}, optional
+    Standard deviation of the noise, a length or a percentage of the diagonal of the bounding box; learned if left out.
+    It is measured along the normal.
+""")
 
 
 def _quality(fields: dict[str, Field], default: str | None) -> Parameter:
@@ -271,6 +290,7 @@ PARAMETERS = {
     "bridge": (*BRIDGES, *RUN),
     CREASES: (*LINES, *FIT, *RUN),
     BAKE: (*TEXTURE, *FIT, *RUN),
+    "lines": (*SURFACE_LINES, *RUN),
 }
 _ESTIMATED = """\
 ms : pymeshlab.MeshSet

@@ -295,6 +295,8 @@ _NAMES = {
     "boltholes": "bolt-holes",
     "minstrength": "min-strength",
     "texmap": "map",
+    "maxerror": "max-error",
+    "normalcurvature": "normal-curvature",
 }
 # least values that typer accepts
 _MINIMUM = {

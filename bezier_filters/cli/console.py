@@ -290,6 +290,21 @@ def print_texture(report: Report, source: str) -> None:
     )
 
 
+def print_lines(report: Report, source: str) -> None:
+    """Print number and length of the lines of each kind, umbilics, and why lines end."""
+    out().print(f"[bold]{escape(source)}[/]")
+    table = _table(padding=(0, 2, 0, 2))
+    for column in ("", "lines", "length"):
+        table.add_column(column, justify="right" if column else "left")
+    for kind, found in report["kinds"].items():
+        table.add_row(kind, f"{found['lines']:,}", f"{found['length']:.4g}")
+    out().print(table)
+    reasons = ", ".join(f"{count:,} {name.lower().replace('_', ' ')}" for name, count in report["ends"].items())
+    out().print(
+        f"  {len(report['umbilics']):,} umbilics, sum of indices {report['index_sum']:g}; ends: {reasons or 'none'}"
+    )
+
+
 def print_statistics(report: Report, label: str) -> None:
     """Print statistics of a quality, if there are any."""
     if report["statistics"] is None:
@@ -328,6 +343,8 @@ def _remark(report: Report) -> str:
 def _numbers(report: Report) -> str:
     if "sharp_edges" in report:
         return f"{len(report['lines']):,} lines, {report['sharp_edges']:,} sharp edges"
+    if "index_sum" in report:
+        return f"{report['lines']:,} lines, {len(report['umbilics']):,} umbilics"
     if "closed_holes" in report:
         return f"{report['closed_holes']:,} holes filled, {report['open_holes']:,} left open"
     if "bridged_pairs" in report:

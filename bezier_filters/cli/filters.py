@@ -35,6 +35,19 @@ if TYPE_CHECKING:
 
 _COLOR = COLORS[0]
 _COLORED = replace(_COLOR, default=True)  # as commands do whose filters have a quality anyway
+Lines = Annotated[
+    Path,
+    typer.Argument(
+        help="Lines to write, a PLY, OBJ or VTP file, or - for the standard output.",
+        metavar="LINES.ply",
+        parser=parse_path,
+        callback=pipe_callback(".ply"),
+    ),
+]
+Picture = Annotated[Path | None, typer.Option(help="PNG file with the mesh and its lines.", metavar="PICTURE.png")]
+PictureView = Annotated[
+    list[str] | None, typer.Option(help="View of the picture: front, back, left, ...; may be repeated.")
+]
 
 
 def filter_command(
@@ -206,22 +219,10 @@ def bridge() -> None:
 @options(*PARAMETERS["creases"])
 def creases(
     source: Source,
-    target: Annotated[
-        Path,
-        typer.Argument(
-            help="Lines to write, a PLY, OBJ or VTP file, or - for the standard output.",
-            metavar="LINES.ply",
-            parser=parse_path,
-            callback=pipe_callback(".ply"),
-        ),
-    ],
+    target: Lines,
     *,
-    picture: Annotated[
-        Path | None, typer.Option(help="PNG file with the mesh and its lines.", metavar="PICTURE.png")
-    ] = None,
-    view: Annotated[
-        list[str] | None, typer.Option(help="View of the picture: front, back, left, ...; may be repeated.")
-    ] = None,
+    picture: Picture = None,
+    view: PictureView = None,
     skip: Skip = False,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
@@ -264,6 +265,69 @@ def creases(
         console.print_json({"input": user_path(source), "output": user_path(target), "picture": shown, **report})
     elif not quiet:
         console.print_creases(report, printable_path(source))
+        console.print_written(report, printable_path(target))
+        if picture is not None:
+            console.out().print(f"wrote [bold]{console.escape(printable_path(picture))}[/]")
+    end_with_remarks(printable_path(target), report)
+
+
+@app.command(
+    epilog=examples(
+        "lines scan.ply lines.vtp --family curvature --spacing 2% --picture lines.png",
+        "lines scan.ply lines.ply --family torsion --seeds '0.1 0 0.2, 0.1 0.1 0.2'",
+    )
+)
+@options(*PARAMETERS["lines"])
+def lines(
+    source: Source,
+    target: Lines,
+    *,
+    picture: Picture = None,
+    view: PictureView = None,
+    skip: Skip = False,
+    overwrite: Overwrite = False,
+    quiet: Quiet = False,
+    json: Json = False,
+    **given: Any,
+) -> None:
+    """Trace lines of curvature, torsion lines or lines of given normal curvature on the surface, and write them.
+
+    They lie on the surface of the fitted patches, evenly spaced, and end where the direction is not known: at umbilics,
+    on planes and in noise. VTP and PLY files have the normal curvature, the geodesic torsion and the standard error of
+    the direction at every point in columns bz_*. Rings mark umbilics; bz_umbilic_index has their index.
+    """
+    from bezier_filters.files.ply_text import check_line_file, save_lines
+    from bezier_filters.meshlab.line_filter import LineArguments, lines_as_mesh, lines_of, report_of
+    from bezier_filters.meshlab.meshset import read_current_mesh
+    from bezier_filters.pictures.render import check_picture
+    from bezier_filters.runtime.compile_time import clock_without_compilation
+
+    check_line_file(target)
+    check_target(target, source, overwrite=overwrite)
+    if picture is not None:
+        check_picture(picture)
+        check_target(picture, source, overwrite=overwrite)
+    with console.stages(quiet=quiet or json) as stage:
+        stage(f"reading {printable_name(source)}")
+        mesh = read_current_mesh(bf.load_mesh(source, skip=skip))
+        begin = clock_without_compilation()
+        progress = stage(f"tracing lines on {printable_name(source)}")
+        found, geometry, fitted = lines_of(mesh, LineArguments(**given, progress=progress))
+        traced = clock_without_compilation()
+        stage(f"writing {printable_name(target)}")
+        save_lines(target, *lines_as_mesh(found))
+        if picture is not None:
+            from bezier_filters.pictures.line_panels import line_panel
+
+            stage(f"drawing {printable_name(picture)}")
+            panel = line_panel(mesh.vertices, mesh.faces, found, title=printable_name(source))
+            bf.render_panels(picture, [panel], views=view or ["front", "back"])
+    report = report_of(found, geometry, mesh) | {"seconds": {"fit": fitted - begin, "trace": traced - fitted}}
+    if json:
+        shown = None if picture is None else user_path(picture)
+        console.print_json({"input": user_path(source), "output": user_path(target), "picture": shown, **report})
+    elif not quiet:
+        console.print_lines(report, printable_path(source))
         console.print_written(report, printable_path(target))
         if picture is not None:
             console.out().print(f"wrote [bold]{console.escape(printable_path(picture))}[/]")

@@ -3,6 +3,7 @@
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,23 +54,30 @@ def check_line_file(path: str | os.PathLike[str]) -> None:
 
 
 def save_lines(
-    path: str | os.PathLike[str], points: FloatArray, edges: IntArray, values: FloatArray, colors: FloatArray
+    path: str | os.PathLike[str],
+    points: FloatArray,
+    edges: IntArray,
+    values: FloatArray,
+    colors: FloatArray,
+    columns: Mapping[str, FloatArray] = MappingProxyType({}),
 ) -> None:
     """Write points (k, 3) and edges (e, 2) between them, with a quality (k,) and colours (k, 3) from 0 to 1.
 
-    VTP files have all of it, for ParaView and pyvista. PLY files are text with an element ``edge``, which MeshLab,
-    pymeshlab and Blender read, with the quality and the colours of the points; OBJ files have ``l`` lines, which
-    ParaView reads, too, and no quality. Coordinates come back exactly.
+    Other columns (k,) have names. VTP files have all of it, for ParaView and pyvista. PLY files are text with an
+    element ``edge``, which MeshLab, pymeshlab and Blender read, with the quality, the columns and the colours of the
+    points; OBJ files have ``l`` lines, which ParaView reads, too, and no quality. Coordinates come back exactly.
     """
     check_line_file(path)
     rgba = np.rint(255.0 * np.insert(colors, 3, 1.0, axis=1)).astype(np.uint8)
     if Path(path).suffix.lower() == ".vtp":
-        data = MeshData(points, np.empty((0, 3), np.int32), None, rgba, {QUALITY: values})
+        data = MeshData(points, np.empty((0, 3), np.int32), None, rgba, {QUALITY: values, **columns})
         text = vtk_text(data, is_grid=False, edges=edges)
     elif Path(path).suffix.lower() == ".ply":
-        vertices = coordinate_columns(points) | color_columns(np.insert(colors, 3, 1.0, axis=1))
+        vertices: dict[str, NDArray[np.generic]] = {**coordinate_columns(points)}
+        vertices |= color_columns(np.insert(colors, 3, 1.0, axis=1))
+        vertices |= {"double quality": values, **{f"double {name}": column for name, column in columns.items()}}
         ends = {"int vertex1": edges[:, 0], "int vertex2": edges[:, 1]}
-        text = ply_text({"vertex": vertices | {"double quality": values}, "edge": ends})
+        text = ply_text({"vertex": vertices, "edge": ends})
     else:
         rows = zip(points.tolist(), colors.tolist(), strict=True)
         lines = [f"v {x!r} {y!r} {z!r} {r:.4g} {g:.4g} {b:.4g}" for (x, y, z), (r, g, b) in rows]

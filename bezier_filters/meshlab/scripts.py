@@ -19,6 +19,7 @@ from bezier_filters.files.filter_scripts import ScriptStep
 from bezier_filters.meshlab.bridge_filter import meshing_bridge_holes_by_bezier_patch
 from bezier_filters.meshlab.crease_filter import compute_selection_by_bezier_crease_per_edge
 from bezier_filters.meshlab.hole_filter import meshing_close_holes_by_bezier_patch
+from bezier_filters.meshlab.line_filter import generate_polyline_by_bezier_patch_direction
 from bezier_filters.meshlab.meshset import (
     BezierFilterError,
     BoundingBox,
@@ -48,6 +49,7 @@ FILTERS: tuple[Callable[..., Report], ...] = (
     compute_curvature_by_bezier_patch_per_vertex,
     compute_torsion_by_bezier_patch_per_vertex,
     compute_selection_by_bezier_crease_per_edge,
+    generate_polyline_by_bezier_patch_direction,
     meshing_replace_selection_by_bezier_patch,
     meshing_bridge_holes_by_bezier_patch,
     compute_texmap_by_bezier_patch,

@@ -77,7 +77,7 @@ def evaluate_places(surface: SurfaceArrays, start: int, stop: int, work: FloatAr
     for q in range(start, stop):
         f, a, b = places.face[q], places.coordinates[q, 0], places.coordinates[q, 1]
         places.outcome[q] = ON_SURFACE if place_on_surface(surface, f, a, b, work) else ON_FACE
-        _write_place(surface, f, a, b, work, q, places)
+        write_place(surface, f, a, b, work, q, places)
 
 
 @jit()
@@ -101,13 +101,13 @@ def project_points(
         if guess < 0:
             places.outcome[q] = NO_PLACE
             continue
-        f, a, b, outcome = _descend(surface, guess, place[COORDINATE_1], place[COORDINATE_2], x, y, z, work)
+        f, a, b, outcome = descend(surface, guess, place[COORDINATE_1], place[COORDINATE_2], x, y, z, work)
         places.outcome[q] = outcome
-        _write_place(surface, f, a, b, work, q, places)
+        write_place(surface, f, a, b, work, q, places)
 
 
 @inner_jit()
-def _descend(
+def descend(
     surface: SurfaceArrays, f: int, a: float, b: float, x: float, y: float, z: float, work: FloatArray
 ) -> tuple[int, float, float, int]:
     """From a place on a face, move to the place on the surface nearest to (x, y, z): face, coordinates, outcome.
@@ -284,7 +284,7 @@ def _enter(surface: SurfaceArrays, f: int, other: int, a: float, b: float) -> tu
 
 
 @inner_jit()
-def _write_place(surface: SurfaceArrays, f: int, a: float, b: float, work: FloatArray, q: int, places: Places) -> None:
+def write_place(surface: SurfaceArrays, f: int, a: float, b: float, work: FloatArray, q: int, places: Places) -> None:
     """Write the results of a place, with zero curvature on the face itself where it has no surface."""
     places.face[q], places.coordinates[q, 0], places.coordinates[q, 1] = f, a, b
     corners = surface.faces[f]

@@ -111,7 +111,7 @@ class Surface:
             raise InvalidParameterError(f"points: expected real numbers of shape (q, 3); {error}") from None
         if queries.ndim != 2 or queries.shape[1] != 3 or not np.isfinite(queries).all():
             raise InvalidParameterError(f"points: got shape {queries.shape}, expected finite numbers of shape (q, 3)")
-        queries, places = np.ldexp(queries, -self.exponent), _empty_places(len(queries))
+        queries, places = np.ldexp(queries, -self.exponent), empty_places(len(queries))
         order = morton_order(queries)  # points that are near each other need the same patches
         with use_threads(threads):
             run_in_chunks(
@@ -143,7 +143,7 @@ class Surface:
             raise InvalidParameterError("coordinates: expected two numbers for each face, from 0 to 1 in total")
         if len(rows) and not (rows.dtype.kind in "iu" and rows.min() >= 0 and rows.max() < len(self.mesh.faces)):
             raise InvalidParameterError(f"faces: expected integers from 0 to {len(self.mesh.faces) - 1}")
-        places = _empty_places(len(rows))
+        places = empty_places(len(rows))
         places.face[:], places.coordinates[:] = rows, where
         with use_threads(threads):
             run_in_chunks(lambda: evaluation_task(self.arrays, places), len(rows), progress=progress)
@@ -321,7 +321,8 @@ def _complete_patches(geometry: PatchGeometry, vertices: FloatArray) -> FloatArr
     return rows
 
 
-def _empty_places(count: int) -> Places:
+def empty_places(count: int) -> Places:
+    """Room for the results of so many queries."""
     return Places(
         np.full(count, -1, dtype=np.int32),
         np.zeros((count, 2)),

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.differential_geometry import MIN_CURVATURE_DIFFERENCE, UMBILIC_RATIO
 from bezier_filters.display import ColorScale, color_range, round_limits
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.feature_lines.crease_lines import COLORS, Creases
@@ -34,12 +35,6 @@ DIRECTIONS = [("direction of k_max", COLORS["ridge"]), ("direction of k_min", CO
 LINE_SPACING = 1.0 / 36.0  # of the lines, in diagonals of the bounding box
 LINE_RADIUS = 1.0 / 700.0  # of the lines, in the same unit
 _LINE_LENGTH = 0.8  # of a line, in units of the spacing
-# Noise alone makes curvatures differ by more standard errors of their mean once in a hundred times: in neighbourhoods
-# that are round, half the difference has the distribution of Rayleigh, whose scale is that standard error over root 2.
-_MAX_ANGLE_ERRORS = 2.0 * float(np.sqrt(np.log(100.0)))
-_MIN_CURVATURE_DIFFERENCE = (
-    0.02  # of the larger curvature: where they differ by less, directions mean nothing even without noise
-)
 
 
 @dataclass(frozen=True)
@@ -214,8 +209,8 @@ def are_significant(columns: dict[str, FloatArray]) -> BoolArray:
     """Where the principal curvatures differ significantly, (n,), from the columns of `curvature`."""
     k_min, k_max = columns["bz_k_min"], columns["bz_k_max"]
     least = np.maximum(
-        _MAX_ANGLE_ERRORS * columns["bz_mean_curvature_std"],
-        _MIN_CURVATURE_DIFFERENCE * np.maximum(np.abs(k_min), np.abs(k_max)),
+        UMBILIC_RATIO * columns["bz_mean_curvature_std"],
+        MIN_CURVATURE_DIFFERENCE * np.maximum(np.abs(k_min), np.abs(k_max)),
     )
     return np.asarray((columns[GRADE] >= FitStatus.FOLDED.grade) & (k_max - k_min > least))
 

@@ -149,6 +149,7 @@ REMARKS = {
     "bridge": "0 pairs of holes joined, 0 left open",
     "creases": "21 lines, 60 sharp edges",
     "bake": "curvature map, 81% of 64 x 64 texels",
+    "lines": "0 lines, 0 umbilics; look at: there are no lines",
 }
 OPTIONS = {"replace": ["--where", "fi == 0"], "bake": ["--size", "64"]}
 SUFFIXES = {"bake": (".obj", ".png")}  # of the input, with texture coordinates, and of the output

@@ -28,6 +28,7 @@ COMMANDS = [
     "replace",
     "bridge",
     "creases",
+    "lines",
     "batch",
     "run",
     "render",

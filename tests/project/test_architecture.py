@@ -34,6 +34,7 @@ smoothing
 estimation
 feature_lines
 patch_surface
+surface_lines
 holes
 textures
 files

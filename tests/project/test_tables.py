@@ -28,6 +28,7 @@ COMMANDS = {
     "compute_torsion_by_bezier_patch_per_vertex": "torsion",
     "compute_selection_by_bezier_crease_per_edge": "creases",
     "compute_texmap_by_bezier_patch": "bake",
+    "generate_polyline_by_bezier_patch_direction": "lines",
 }
 OF_FILTERS_ALONE = {"ms", "onselected", "newfaceselected", "polylines", "textname"}
 KINDS = {

@@ -91,6 +91,7 @@ FUNCTIONS = [
     "compute_normal_by_bezier_patch_per_vertex",
     "compute_torsion_by_bezier_patch_per_vertex",
     "compute_selection_by_bezier_crease_per_edge",
+    "generate_polyline_by_bezier_patch_direction",
     "apply_coord_bezier_patch_smoothing",
     "meshing_close_holes_by_bezier_patch",
     "meshing_replace_selection_by_bezier_patch",
