@@ -8,6 +8,7 @@ import time
 
 import dask
 import distributed
+import fsspec
 import pytest
 from scale_cases import assert_same_as_in_memory, clean, save_arrays
 from typer.testing import CliRunner
@@ -153,6 +154,16 @@ def test_a_closed_client_and_a_damaged_scheduler_file_are_refused(cluster, files
     for scheduler, message in ((closed, "Client that is closed"), (tmp_path / "half.json", "it is no scheduler file")):
         with pytest.raises(InvalidParameterError, match=rf"^scheduler: .*{message}"):
             estimate_file(files, tmp_path / "out.ply", scheduler=scheduler, **OPTIONS)
+
+
+def test_worker_processes_read_ranges_of_a_common_store(client, files, tmp_path):
+    """file:// is remote for the package; memory:// is not common to processes."""
+    given = {"scheduler": client} | OPTIONS
+    report = estimate_file(files, tmp_path / "out.ply", store=f"file://{tmp_path}/tiles", **given)
+    assert_same_as_in_memory(report, *clean(), **GIVEN)
+    with pytest.raises(InvalidParameterError, match=r"^store: worker tcp://.* does not see memory://tiles/bezier"):
+        estimate_file(files, tmp_path / "no.ply", store="memory://tiles", **given)
+    fsspec.filesystem("memory").rm("/tiles", recursive=True)
 
 
 def test_workers_without_the_package_are_named(client, files, tmp_path):

@@ -3,7 +3,6 @@
 import dataclasses
 from pathlib import Path
 
-import distributed
 import fsspec
 import numpy as np
 import pytest
@@ -29,11 +28,13 @@ def memory():
     found.rm("/", recursive=True)
 
 
-def test_tiles_in_memory_give_the_values_of_local_ones(memory, tmp_path):
+@pytest.mark.parametrize("given", [GIVEN, pytest.param({}, marks=pytest.mark.slow)])
+def test_tiles_in_memory_give_the_values_of_local_ones(given, memory, tmp_path):
     vertices, faces = shuffled(*noisy())
     files = save_arrays(tmp_path, vertices, faces)
-    report = estimate_file(files, tmp_path / "out.ply", store="memory://bucket/tiles", **OPTIONS)
-    assert_same_as_in_memory(report, vertices, faces)
+    how = {"options": FitOptions(**given), "store": "memory://bucket/tiles"} | OPTIONS
+    report = estimate_file(files, tmp_path / "out.ply", **how)
+    assert_same_as_in_memory(report, vertices, faces, **given)
     assert not memory.exists("/bucket/tiles")  # removed at the end
     assert sorted(path.name for path in tmp_path.iterdir()) == ["faces.npy", "out.ply", "vertices.npy"]
 
@@ -67,10 +68,11 @@ def test_source_and_target_may_be_remote(memory, tmp_path):
         estimate_file("memory://bucket/out.ply", "memory://bucket/out.ply", **given)
 
 
-def test_smoothing_in_a_remote_store_is_that_in_a_local_one(memory, tmp_path):
-    files = save_arrays(tmp_path, *noisy())
-    local = smooth_file(files, tmp_path / "local.ply", **OPTIONS)
-    remote = smooth_file(files, tmp_path / "remote.ply", store="memory://bucket/tiles", **OPTIONS)
+@pytest.mark.parametrize("method", ["paper", pytest.param("auto", marks=pytest.mark.slow)])
+def test_smoothing_in_a_remote_store_is_that_in_a_local_one(method, memory, tmp_path):
+    files, how = save_arrays(tmp_path, *noisy()), {"iterations": 2} | OPTIONS
+    local = smooth_file(files, tmp_path / "local.ply", method, **how)
+    remote = smooth_file(files, tmp_path / "remote.ply", method, store="memory://bucket/tiles", **how)
     assert (tmp_path / "local.ply").read_bytes() == (tmp_path / "remote.ply").read_bytes()
     assert local["rounds"] == remote["rounds"] > 1
 
@@ -101,21 +103,6 @@ def test_a_remote_store_is_resumed_and_its_damage_found(memory, tmp_path):
     memory.pipe_file("/bucket/tiles/order.bin", store[:-4])
     with pytest.raises(FieldFileError, match=r"order\.bin is damaged or missing"):
         estimate_file(files, tmp_path / "out.ply", resume=True, **given)
-
-
-def test_worker_processes_read_ranges_of_a_common_store(tmp_path):
-    """file:// is remote for the package; memory:// is not common to processes."""
-    files = save_arrays(tmp_path, *clean())
-    options = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": ":0", "silence_logs": 50}
-    given = {"options": FitOptions(**GIVEN), "tile_vertices": 256}
-    with distributed.LocalCluster(**options) as cluster:
-        report = estimate_file(
-            files, tmp_path / "out.ply", scheduler=cluster, store=f"file://{tmp_path}/tiles", **given
-        )
-        assert_same_as_in_memory(report, *clean(), **GIVEN)
-        with pytest.raises(InvalidParameterError, match=r"^store: worker tcp://.* does not see memory://tiles/bezier"):
-            estimate_file(files, tmp_path / "no.ply", scheduler=cluster, store="memory://tiles", **given)
-    fsspec.filesystem("memory").rm("/tiles", recursive=True)
 
 
 def test_rows_are_taken_from_remote_files_as_from_local_ones(memory, tmp_path):
