@@ -57,6 +57,9 @@ from .meshlab.replacement_filter import (
 from .meshlab.scripts import StepReport as StepReport
 from .meshlab.scripts import run_filter_script as run_filter_script
 from .meshlab.scripts import script_step as script_step
+from .meshlab.subdivision_filter import (
+    meshing_surface_subdivision_by_bezier_patch as meshing_surface_subdivision_by_bezier_patch,
+)
 from .meshlab.vertex_filters import apply_coord_bezier_patch_smoothing as apply_coord_bezier_patch_smoothing
 from .meshlab.vertex_filters import (
     compute_curvature_by_bezier_patch_per_vertex as compute_curvature_by_bezier_patch_per_vertex,
@@ -79,6 +82,8 @@ from .pictures.page import Page as Page
 from .pictures.page import show as show
 from .pictures.render import render_panels as render_panels
 from .pictures.scene import Panel as Panel
+from .remeshing.subdivision import SubdivisionResult as SubdivisionResult
+from .remeshing.subdivision import subdivide as subdivide
 from .smoothing.smooth import SmoothingResult as SmoothingResult
 from .smoothing.smooth import smooth as smooth
 from .status import FitStatus as FitStatus

@@ -210,6 +210,19 @@ pairs : str, default "auto"
 """),
     *(_FILLED[name] for name in ("intersecting", "noise")),
 )
+SUBDIVISION = (
+    *parameters(f"""
+iterations : int, optional
+    How often every face becomes four, 1 if no tolerance is given.
+tolerance : {LENGTH_TYPE}, optional
+    Split only edges whose midpoints are farther from the surface: a length or a percentage.
+    The percentage is one of the diagonal of the bounding box. With any edge of a face its longest one is split.
+move : bool, optional
+    Whether old vertices move onto the surface; by default they do where the mesh is noisy.
+    False draws the surface through noisy vertices, too.
+"""),
+    _FILLED["noise"],
+)
 LINES = parameters("""
 angle : float, default 40.0
     Angle between faces in degrees, from which on an edge may be sharp.
@@ -253,6 +266,7 @@ PARAMETERS = {
     "fill-holes": (*FILLING, *REPAIR, *RUN),
     "replace": (*REPLACEMENT, *RUN),
     "bridge": (*BRIDGES, *RUN),
+    "subdivide": (*SUBDIVISION, *RUN),
     CREASES: (*LINES, *FIT, *RUN),
 }
 _ESTIMATED = """\

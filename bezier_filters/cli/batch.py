@@ -49,7 +49,8 @@ def batch(
     command: Annotated[
         str,
         typer.Argument(
-            help="normals, curvature, torsion, smooth, fill-holes, replace, bridge or creases.", metavar="COMMAND"
+            help="normals, curvature, torsion, smooth, fill-holes, replace, bridge, subdivide or creases.",
+            metavar="COMMAND",
         ),
     ],
     sources: Annotated[

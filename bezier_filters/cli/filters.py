@@ -202,6 +202,23 @@ def bridge() -> None:
     """
 
 
+@filter_command(
+    "subdivide",
+    "meshing_surface_subdivision_by_bezier_patch",
+    verb="subdividing",
+    show=console.print_remeshing,
+)
+def subdivide() -> None:
+    """Make a mesh finer, with new vertices on the curved surface of its patches.
+
+    Every face becomes four, or only edges are split that are farther from the surface than a tolerance. Sharp edges
+    stay sharp. The vertices of a clean mesh stay; those of a noisy one move onto the surface, which is free of noise.
+
+    Example: bezier-filters subdivide part.ply fine.ply --iterations 2
+    Example: bezier-filters subdivide part.ply fine.ply --tolerance 0.01%
+    """
+
+
 @app.command(epilog="Example: bezier-filters creases scan.ply lines.ply --picture creases.png")
 @options(*PARAMETERS["creases"])
 def creases(

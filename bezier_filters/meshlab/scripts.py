@@ -31,6 +31,7 @@ from bezier_filters.meshlab.meshset import (
     former_filter_names,
 )
 from bezier_filters.meshlab.replacement_filter import meshing_replace_selection_by_bezier_patch
+from bezier_filters.meshlab.subdivision_filter import meshing_surface_subdivision_by_bezier_patch
 from bezier_filters.meshlab.vertex_filters import (
     apply_coord_bezier_patch_smoothing,
     compute_curvature_by_bezier_patch_per_vertex,
@@ -49,6 +50,7 @@ FILTERS: tuple[Callable[..., Report], ...] = (
     compute_selection_by_bezier_crease_per_edge,
     meshing_replace_selection_by_bezier_patch,
     meshing_bridge_holes_by_bezier_patch,
+    meshing_surface_subdivision_by_bezier_patch,
 )
 OURS = {function.__name__: function for function in FILTERS}
 

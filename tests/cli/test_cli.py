@@ -27,6 +27,7 @@ COMMANDS = [
     "fill-holes",
     "replace",
     "bridge",
+    "subdivide",
     "creases",
     "batch",
     "run",

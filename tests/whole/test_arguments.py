@@ -65,6 +65,7 @@ FUNCTIONS = [
     "fill_holes",
     "replace_selection",
     "bridge_holes",
+    "subdivide",
     "find_creases",
     "triangle_mesh",
     "boundary_loops",
@@ -91,6 +92,7 @@ FUNCTIONS = [
     "meshing_close_holes_by_bezier_patch",
     "meshing_replace_selection_by_bezier_patch",
     "meshing_bridge_holes_by_bezier_patch",
+    "meshing_surface_subdivision_by_bezier_patch",
 ]
 UNCHECKED = {"progress", "colorrange", "percentile"}  # what is called; what counts only where there are colours
 

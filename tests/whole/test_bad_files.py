@@ -34,6 +34,7 @@ COMMANDS = {
     "smooth": ["out.ply"],
     "fill-holes": ["out.ply"],
     "bridge": ["out.ply"],
+    "subdivide": ["out.ply"],
     "replace": ["out.ply", "--where", "fi == 0"],
     "render": ["out.png"],
     "info": [],
