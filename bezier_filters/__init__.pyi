@@ -51,6 +51,7 @@ from .meshlab.mesh_files import save_mesh as save_mesh
 from .meshlab.meshset import BezierFilterError as BezierFilterError
 from .meshlab.registration import register as register
 from .meshlab.registration import unregister as unregister
+from .meshlab.remeshing_filter import meshing_remeshing_by_bezier_patch as meshing_remeshing_by_bezier_patch
 from .meshlab.replacement_filter import (
     meshing_replace_selection_by_bezier_patch as meshing_replace_selection_by_bezier_patch,
 )
@@ -82,6 +83,8 @@ from .pictures.page import Page as Page
 from .pictures.page import show as show
 from .pictures.render import render_panels as render_panels
 from .pictures.scene import Panel as Panel
+from .remeshing.remeshing import RemeshingResult as RemeshingResult
+from .remeshing.remeshing import remesh as remesh
 from .remeshing.subdivision import SubdivisionResult as SubdivisionResult
 from .remeshing.subdivision import subdivide as subdivide
 from .smoothing.smooth import SmoothingResult as SmoothingResult

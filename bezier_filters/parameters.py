@@ -223,6 +223,21 @@ move : bool, optional
 """),
     _FILLED["noise"],
 )
+REMESHING = (
+    *parameters(f"""
+length : {LENGTH_TYPE}, optional
+    Length of the edges, or a percentage of the diagonal of the bounding box; the mean of the old ones if left out.
+    With a tolerance it is the largest one, by default a tenth of the diagonal.
+vertexcount : int, optional
+    Number of vertices instead of a length, reached to within some percent.
+tolerance : {LENGTH_TYPE}, optional
+    Distance from the surface from which lengths follow by the curvature: a length or a percentage.
+    With few triangles on nearly flat parts it decimates a mesh.
+iterations : int, default 10
+    Number of iterations.
+"""),
+    _FILLED["noise"],
+)
 LINES = parameters("""
 angle : float, default 40.0
     Angle between faces in degrees, from which on an edge may be sharp.
@@ -267,6 +282,7 @@ PARAMETERS = {
     "replace": (*REPLACEMENT, *RUN),
     "bridge": (*BRIDGES, *RUN),
     "subdivide": (*SUBDIVISION, *RUN),
+    "remesh": (*REMESHING, *RUN),
     CREASES: (*LINES, *FIT, *RUN),
 }
 _ESTIMATED = """\

@@ -49,7 +49,7 @@ def batch(
     command: Annotated[
         str,
         typer.Argument(
-            help="normals, curvature, torsion, smooth, fill-holes, replace, bridge, subdivide or creases.",
+            help="normals, curvature, torsion, smooth, fill-holes, replace, bridge, subdivide, remesh or creases.",
             metavar="COMMAND",
         ),
     ],

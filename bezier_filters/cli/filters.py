@@ -219,6 +219,18 @@ def subdivide() -> None:
     """
 
 
+@filter_command("remesh", "meshing_remeshing_by_bezier_patch", verb="remeshing", show=console.print_remeshing)
+def remesh() -> None:
+    """Make a new mesh of regular triangles whose vertices lie on the curved surface of its patches.
+
+    Edges have one length, or a length that follows from the curvature and a tolerance, which also decimates a mesh.
+    Sharp edges, borders and seams of textures stay, and the new vertices are free of noise.
+
+    Example: bezier-filters remesh scan.ply even.ply --vertex-count 20000
+    Example: bezier-filters remesh part.ply light.ply --tolerance 0.05%
+    """
+
+
 @app.command(epilog="Example: bezier-filters creases scan.ply lines.ply --picture creases.png")
 @options(*PARAMETERS["creases"])
 def creases(

@@ -14,9 +14,12 @@ from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.fields import PREFIX
 from bezier_filters.files.ply_binary import ply_binary
 from bezier_filters.files.ply_text import color_columns, coordinate_columns
+from bezier_filters.holes.texture_continuation import SEAM_TOLERANCE, wedge_coordinates
 from bezier_filters.meshlab.mesh_attributes import Attribute, add_attribute, read_attributes
 from bezier_filters.meshlab.mesh_growth import TEXTURE_COMMENT, save_picture, textures_of, undo_on_failure
 from bezier_filters.meshlab.meshset import BezierFilterError, CurrentMesh, Mesh, MeshSet, current_mesh
+from bezier_filters.remeshing.edge_splitting import face_edges
+from bezier_filters.remeshing.remeshing import RemeshingResult
 from bezier_filters.remeshing.subdivision import SubdivisionResult
 from bezier_filters.runtime.atomic import temporary_folder
 
@@ -47,6 +50,38 @@ def subdivided_mesh(mesh: CurrentMesh, result: SubdivisionResult) -> DerivedMesh
     corners[corner[is_new]] = mesh.faces[np.repeat(result.old_faces, 3)[is_new]]
     weights[corner[is_new]] = np.column_stack([1.0 - place.sum(axis=1), place])
     return DerivedMesh(result.vertices, result.faces, corners, weights, result.old_faces, result.coordinates)
+
+
+def remeshed_mesh(mesh: CurrentMesh, result: RemeshingResult) -> DerivedMesh:
+    """The derived mesh that `remesh` made; corners of faces are at the nearest points of the plane of the old face."""
+    place = result.vertex_coordinates
+    weights = np.column_stack([1.0 - place.sum(axis=1), place])
+    corners = mesh.faces[result.vertex_faces]
+    old = result.old_vertices >= 0
+    corners[old], weights[old] = result.old_vertices[old, np.newaxis], [1.0, 0.0, 0.0]
+    identity = np.tile(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), (len(result.faces), 1, 1))
+    below = mesh.vertices[mesh.faces[result.old_faces]]
+    coordinates = wedge_coordinates(result.vertices[result.faces], below, identity)
+    return DerivedMesh(result.vertices, result.faces, corners, weights, result.old_faces, coordinates)
+
+
+def seam_edges(ms: MeshSet, mesh: CurrentMesh) -> IntArray:
+    """Edges (e, 2) at which texture coordinates of faces differ, or the selection ends."""
+    layer, faces = current_mesh(ms), mesh.faces
+    edges = face_edges(faces, len(mesh.vertices))
+    columns = [np.tile(mesh.face_selection[:, np.newaxis, np.newaxis], (1, 3, 1)).astype(np.float64)]
+    if layer.has_wedge_tex_coord():
+        columns.append(layer.wedge_tex_coord_matrix().reshape(-1, 3, 2))
+    corners = np.dstack(columns)
+    following, swapped = np.roll(corners, -1, axis=1), (faces > np.roll(faces, -1, axis=1))[..., np.newaxis]
+    ends = np.dstack([np.where(swapped, following, corners), np.where(swapped, corners, following)])
+    owner, flat = edges.of_face.ravel(), ends.reshape(3 * len(faces), -1)
+    low = np.full((len(edges.ends), flat.shape[1]), np.inf)
+    high = -low
+    np.minimum.at(low, owner, flat)
+    np.maximum.at(high, owner, flat)
+    differ = (high - low > SEAM_TOLERANCE * np.maximum(1.0, np.abs(low))).any(axis=1)
+    return np.asarray(edges.ends[differ])
 
 
 def exchange_mesh(ms: MeshSet, derived: DerivedMesh) -> tuple[list[str], bool]:

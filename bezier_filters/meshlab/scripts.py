@@ -30,6 +30,7 @@ from bezier_filters.meshlab.meshset import (
     filter_list,
     former_filter_names,
 )
+from bezier_filters.meshlab.remeshing_filter import meshing_remeshing_by_bezier_patch
 from bezier_filters.meshlab.replacement_filter import meshing_replace_selection_by_bezier_patch
 from bezier_filters.meshlab.subdivision_filter import meshing_surface_subdivision_by_bezier_patch
 from bezier_filters.meshlab.vertex_filters import (
@@ -51,6 +52,7 @@ FILTERS: tuple[Callable[..., Report], ...] = (
     meshing_replace_selection_by_bezier_patch,
     meshing_bridge_holes_by_bezier_patch,
     meshing_surface_subdivision_by_bezier_patch,
+    meshing_remeshing_by_bezier_patch,
 )
 OURS = {function.__name__: function for function in FILTERS}
 

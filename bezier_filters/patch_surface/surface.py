@@ -218,7 +218,7 @@ def fit_surface(
     patches of its own, which meet to within their errors. The surface ends over the border of the mesh.
 
     Without noise the surface passes through the vertices. Coarse meshes without noise leave residuals that look like a
-    little of it, but neighbours share them; the patches are then fitted without noise.
+    little of it, but neighbours share them; where no edge is sharp, the patches are then fitted without noise.
 
     Parameters
     ----------
@@ -263,9 +263,9 @@ def fit_surface(
     check_noise(noise)
     options = FitOptions(noise=None if noise is None else float(np.ldexp(noise, -exponent)))
     geometry = estimate_vertex_geometry(mesh.vertices, mesh.faces, noise=options.noise, progress=progress)
-    if noise is None and _has_shared_residuals(mesh, geometry):
-        options = FitOptions(noise=0.0)
     edges, is_sharp, _ = find_sharp_edges(mesh, geometry)
+    if noise is None and not is_sharp.any() and _has_shared_residuals(mesh, geometry):
+        options = FitOptions(noise=0.0)  # beside sharp edges, points on one side alone would be interpolated wildly
     cut = cut_mesh(mesh.vertices, mesh.faces, edges.vertices[is_sharp])
     patches = estimate_patches(triangle_mesh(cut.vertices, cut.faces), options, progress)
     return Surface(TriangleMesh(mesh.vertices, mesh.faces), cut, patches, exponent)

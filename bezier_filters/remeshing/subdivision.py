@@ -1,6 +1,6 @@
 """Subdivision of a mesh on the surface of its patches: `subdivide` and its result."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -159,7 +159,7 @@ def subdivide(
     chosen = np.ones(mesh.face_count, np.bool_) if selected is None else check_selection(selected, mesh.face_count)
     _check_size(int(chosen.sum()) * 4 ** (iterations or (1 if tolerance is None else 0)))
     if move is None:
-        move = (sigma or 0.0) > MAX_STAYING_NOISE * _mean_edge(mesh)
+        move = are_moved(surface)
     refinement = _Refinement(surface, chosen, moves=bool(move))
     for _ in range(iterations or (1 if tolerance is None else 0)):
         refinement.divide_all()
@@ -191,7 +191,13 @@ def _check_size(face_count: int) -> None:
         )
 
 
-def _mean_edge(mesh: TriangleMesh) -> float:
+def are_moved(surface: Surface) -> bool:
+    """Whether old vertices move onto the surface by default."""
+    return (surface.geometry.noise_sigma or 0.0) > MAX_STAYING_NOISE * mean_edge(surface.mesh)
+
+
+def mean_edge(mesh: TriangleMesh) -> float:
+    """Mean length of the edges of all faces."""
     corners = mesh.vertices[mesh.faces]
     return float(np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2).mean())
 
@@ -259,4 +265,4 @@ class _Refinement:
         residuals[found.on_face[owner]] = 0.0
         of_owner = np.empty((count, 3))
         of_owner[owner] = residuals  # the same from all faces at an edge
-        return Positions(found.points + of_owner, found.on_face)
+        return replace(found, points=found.points + of_owner)

@@ -10,7 +10,7 @@ import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.patch_surface.projection import ON_FACE
-from bezier_filters.patch_surface.surface import Surface
+from bezier_filters.patch_surface.surface import Surface, SurfacePoints
 
 # Length of the mean normal below which places are on sides of a sharp edge: that of normals 10 degrees apart. Positions
 # of places that are nearly tangential are averaged.
@@ -27,6 +27,7 @@ class Positions:
 
     points: FloatArray  # (n, 3)
     on_face: BoolArray  # (n,): whether there is no surface, and the position is on a face
+    curvatures: FloatArray  # (n,): largest absolute principal ones of all places
 
 
 def find_positions(surface: Surface, owner: IntArray, faces: IntArray, coordinates: FloatArray, n: int) -> Positions:
@@ -35,20 +36,33 @@ def find_positions(surface: Surface, owner: IntArray, faces: IntArray, coordinat
     Vertices without places are at the origin.
     """
     found = surface.over(faces, coordinates)
-    corners = surface.mesh.vertices[surface.mesh.faces[faces]]
-    weights = np.column_stack([1.0 - coordinates.sum(axis=1), coordinates])
+    points, own, lost = check_places(surface, found)
+    curvatures = np.zeros(n)
+    np.maximum.at(curvatures, owner, own)
+    return Positions(meeting_points(points, found.normals, owner, n), np.bincount(owner, lost, n) > 0, curvatures)
+
+
+def check_places(surface: Surface, found: SurfacePoints) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Positions (q, 3) of places, their largest absolute curvatures (q,), and whether they are on faces (q,).
+
+    They are where the surface is missing or far from the face. The largest curvature is that of a circle whose diameter
+    is the longest edge of the face: the mesh does not show a larger one.
+    """
+    corners = surface.mesh.vertices[surface.mesh.faces[found.faces]]
+    weights = np.column_stack([1.0 - found.coordinates.sum(axis=1), found.coordinates])
     flat = np.einsum("qk,qkd->qd", weights, corners)
     longest = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2).max(axis=1)
     limit = MAX_HEIGHT * longest + MAX_NOISE_HEIGHT * (surface.geometry.noise_sigma or 0.0)
     lost = (found.outcome == ON_FACE) | ~(np.linalg.norm(found.points - flat, axis=1) < limit)
-    points = np.where(lost[:, np.newaxis], flat, found.points)
-    return Positions(meeting_points(points, found.normals, owner, n), np.bincount(owner, lost, n) > 0)
+    curvature = np.maximum(np.abs(found.k_min), np.abs(found.k_max))
+    curvature = np.where(lost, 0.0, np.minimum(curvature, 2.0 / np.maximum(longest, 1e-300)))
+    return np.where(lost[:, np.newaxis], flat, found.points), curvature, lost
 
 
 def find_vertices(surface: Surface) -> Positions:
     """Positions of the vertices of the mesh."""
     faces, corners = surface.mesh.faces, np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
-    rows, coordinates = np.repeat(np.arange(len(faces)), 3), np.tile(corners, (len(faces), 1))
+    rows, coordinates = np.repeat(np.arange(len(faces), dtype=np.int32), 3), np.tile(corners, (len(faces), 1))
     return find_positions(surface, faces.ravel(), rows, coordinates, surface.mesh.vertex_count)
 
 

@@ -148,6 +148,7 @@ REMARKS = {
     "replace": "1 patches replaced, 0 left as they were",
     "bridge": "0 pairs of holes joined, 0 left open",
     "subdivide": "192 faces before, 768 after",
+    "remesh": "192 faces before, ",
     "creases": "21 lines, 60 sharp edges",
 }
 OPTIONS = {"replace": ["--where", "fi == 0"]}

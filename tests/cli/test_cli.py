@@ -28,6 +28,7 @@ COMMANDS = [
     "replace",
     "bridge",
     "subdivide",
+    "remesh",
     "creases",
     "batch",
     "run",

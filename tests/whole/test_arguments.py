@@ -66,6 +66,7 @@ FUNCTIONS = [
     "replace_selection",
     "bridge_holes",
     "subdivide",
+    "remesh",
     "find_creases",
     "triangle_mesh",
     "boundary_loops",
@@ -93,6 +94,7 @@ FUNCTIONS = [
     "meshing_replace_selection_by_bezier_patch",
     "meshing_bridge_holes_by_bezier_patch",
     "meshing_surface_subdivision_by_bezier_patch",
+    "meshing_remeshing_by_bezier_patch",
 ]
 UNCHECKED = {"progress", "colorrange", "percentile"}  # what is called; what counts only where there are colours
 

@@ -35,6 +35,7 @@ COMMANDS = {
     "fill-holes": ["out.ply"],
     "bridge": ["out.ply"],
     "subdivide": ["out.ply"],
+    "remesh": ["out.ply"],
     "replace": ["out.ply", "--where", "fi == 0"],
     "render": ["out.png"],
     "info": [],
