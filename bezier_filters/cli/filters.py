@@ -214,8 +214,8 @@ def subdivide() -> None:
     Every face becomes four, or only edges are split that are farther from the surface than a tolerance. Sharp edges
     stay sharp. The vertices of a clean mesh stay; those of a noisy one move onto the surface, which is free of noise.
 
-    Example: bezier-filters subdivide part.ply fine.ply --iterations 2
-    Example: bezier-filters subdivide part.ply fine.ply --tolerance 0.01%
+    Example: bezier-filters subdivide scan.ply fine.ply --iterations 2
+    Example: bezier-filters subdivide scan.ply fine.ply --tolerance 0.01%
     """
 
 
@@ -227,7 +227,7 @@ def remesh() -> None:
     Sharp edges, borders and seams of textures stay, and the new vertices are free of noise.
 
     Example: bezier-filters remesh scan.ply even.ply --vertex-count 20000
-    Example: bezier-filters remesh part.ply light.ply --tolerance 0.05%
+    Example: bezier-filters remesh scan.ply light.ply --tolerance 0.05%
     """
 
 

@@ -40,7 +40,7 @@ class DerivedMesh:
     coordinates: FloatArray  # (m, 3, 2): barycentric ones of the corners in the old face, of its second and third one
 
 
-def subdivided_mesh(mesh: CurrentMesh, result: SubdivisionResult) -> DerivedMesh:
+def derive_by_subdivision(mesh: CurrentMesh, result: SubdivisionResult) -> DerivedMesh:
     """The derived mesh that `subdivide` made."""
     n, count, corner = len(result.vertices), len(mesh.vertices), result.faces.ravel()
     corners, weights = np.tile(np.arange(n, dtype=np.int32)[:, np.newaxis], (1, 3)), np.zeros((n, 3))
@@ -52,7 +52,7 @@ def subdivided_mesh(mesh: CurrentMesh, result: SubdivisionResult) -> DerivedMesh
     return DerivedMesh(result.vertices, result.faces, corners, weights, result.old_faces, result.coordinates)
 
 
-def remeshed_mesh(mesh: CurrentMesh, result: RemeshingResult) -> DerivedMesh:
+def derive_by_remeshing(mesh: CurrentMesh, result: RemeshingResult) -> DerivedMesh:
     """The derived mesh that `remesh` made; corners of faces are at the nearest points of the plane of the old face."""
     place = result.vertex_coordinates
     weights = np.column_stack([1.0 - place.sum(axis=1), place])

@@ -4,7 +4,7 @@ import re
 
 from bezier_filters.arrays import Report
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
-from bezier_filters.meshlab.derived_mesh import exchange_mesh, remeshed_mesh, seam_edges
+from bezier_filters.meshlab.derived_mesh import derive_by_remeshing, exchange_mesh, seam_edges
 from bezier_filters.meshlab.meshset import (
     BezierFilterError,
     Length,
@@ -15,7 +15,7 @@ from bezier_filters.meshlab.meshset import (
     preserve_filter_script,
     read_current_mesh,
 )
-from bezier_filters.meshlab.subdivision_filter import selected_faces
+from bezier_filters.meshlab.subdivision_filter import read_face_selection
 from bezier_filters.meshlab.topology import topology_of
 from bezier_filters.parameters import complete_docstring
 from bezier_filters.remeshing.remeshing import remesh
@@ -75,7 +75,7 @@ def meshing_remeshing_by_bezier_patch(
     mesh = read_current_mesh(ms)
     if not len(mesh.faces):
         raise BezierFilterError("the current mesh has no faces, so it cannot be remeshed")
-    selected = selected_faces(mesh) if onselected else None
+    selected = read_face_selection(mesh) if onselected else None
     start = clock_without_compilation()
     try:
         result = remesh(
@@ -96,7 +96,7 @@ def meshing_remeshing_by_bezier_patch(
     fitted = clock_without_compilation()
     check_unchanged(ms, mesh)
     with preserve_filter_script(ms):
-        lost_attributes, textured = exchange_mesh(ms, remeshed_mesh(mesh, result))
+        lost_attributes, textured = exchange_mesh(ms, derive_by_remeshing(mesh, result))
     written = clock_without_compilation()
     before, after = topology_of(mesh.vertices, mesh.faces), topology_of(result.vertices, result.faces)
     return {

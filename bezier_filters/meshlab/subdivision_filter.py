@@ -6,7 +6,7 @@ import numpy as np
 
 from bezier_filters.arrays import BoolArray, Report
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
-from bezier_filters.meshlab.derived_mesh import exchange_mesh, subdivided_mesh
+from bezier_filters.meshlab.derived_mesh import derive_by_subdivision, exchange_mesh
 from bezier_filters.meshlab.meshset import (
     BezierFilterError,
     CurrentMesh,
@@ -52,13 +52,13 @@ def meshing_surface_subdivision_by_bezier_patch(
     ms : pymeshlab.MeshSet
         Its current mesh must have faces.
     onselected : bool
-        Subdivide the selected faces only, and divide those beside them; if none is, those whose vertices all are.
+        Subdivide the selected faces only, and divide their neighbours; if none is, the faces whose vertices all are.
 
     Returns
     -------
     dict
         ``old_vertices``, ``vertices``, ``old_faces`` and ``faces`` (numbers before and after), ``flat_vertices``
-        (number of those that lie on old faces, for want of a surface), ``moved`` (whether old vertices moved),
+        (number of vertices on old faces, for want of a surface), ``moved`` (whether old vertices moved),
         ``chord_error`` (largest distance of the midpoint of an edge from the surface, a length, or None without a
         tolerance), ``id`` (of the layer that is the mesh now), ``noise`` (standard deviation, a length, or None),
         ``lost_attributes``, ``textured``, ``topology_before`` and ``topology_after`` (as in
@@ -78,7 +78,7 @@ def meshing_surface_subdivision_by_bezier_patch(
     mesh = read_current_mesh(ms)
     if not len(mesh.faces):
         raise BezierFilterError("the current mesh has no faces, so it cannot be subdivided")
-    selected = selected_faces(mesh) if onselected else None
+    selected = read_face_selection(mesh) if onselected else None
     start = clock_without_compilation()
     try:
         result = subdivide(
@@ -97,7 +97,7 @@ def meshing_surface_subdivision_by_bezier_patch(
     fitted = clock_without_compilation()
     check_unchanged(ms, mesh)
     with preserve_filter_script(ms):
-        lost_attributes, textured = exchange_mesh(ms, subdivided_mesh(mesh, result))
+        lost_attributes, textured = exchange_mesh(ms, derive_by_subdivision(mesh, result))
     written = clock_without_compilation()
     before, after = topology_of(mesh.vertices, mesh.faces), topology_of(result.vertices, result.faces)
     flat = len(result.flat_vertices)
@@ -121,7 +121,7 @@ def meshing_surface_subdivision_by_bezier_patch(
     }
 
 
-def selected_faces(mesh: CurrentMesh) -> BoolArray:
+def read_face_selection(mesh: CurrentMesh) -> BoolArray:
     """The selected faces (m,), or those whose vertices are all selected; refused if there are none."""
     selected = mesh.face_selection if mesh.face_selection.any() else mesh.vertex_selection[mesh.faces].all(axis=1)
     if not selected.any():

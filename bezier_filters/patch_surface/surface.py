@@ -265,7 +265,7 @@ def fit_surface(
     geometry = estimate_vertex_geometry(mesh.vertices, mesh.faces, noise=options.noise, progress=progress)
     edges, is_sharp, _ = find_sharp_edges(mesh, geometry)
     if noise is None and not is_sharp.any() and _has_shared_residuals(mesh, geometry):
-        options = FitOptions(noise=0.0)  # beside sharp edges, points on one side alone would be interpolated wildly
+        options = FitOptions(noise=0.0)  # at sharp edges, points on one side alone would be interpolated wildly
     cut = cut_mesh(mesh.vertices, mesh.faces, edges.vertices[is_sharp])
     patches = estimate_patches(triangle_mesh(cut.vertices, cut.faces), options, progress)
     return Surface(TriangleMesh(mesh.vertices, mesh.faces), cut, patches, exponent)

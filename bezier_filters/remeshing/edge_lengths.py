@@ -19,12 +19,12 @@ def length_for_count(vertices: FloatArray, faces: IntArray, count: float) -> flo
     return float(np.sqrt(area / max(count, 1.0) * 4.0 / np.sqrt(3.0)))
 
 
-def uniform(length: float) -> Sizing:
+def uniform_sizing(length: float) -> Sizing:
     """The same length everywhere."""
     return lambda points, faces, curvatures: np.full(len(points), length)
 
 
-def by_curvature(chord_error: float, shortest: float, longest: float) -> Sizing:
+def curvature_sizing(chord_error: float, shortest: float, longest: float) -> Sizing:
     """Lengths at which triangles stay within a distance from a surface of the curvature, within bounds.
 
     An equilateral triangle with corners on a sphere of curvature k is farthest from it, by e, in its centre: its edges

@@ -1,4 +1,4 @@
-"""Collapses and flips of many edges at once: of those that do not touch the same faces, the best."""
+"""Collapses and flips of many edges at once: the best ones among edges without common faces."""
 
 from dataclasses import dataclass
 
@@ -76,7 +76,7 @@ def may_collapse(
 
 
 def collapse_edges(faces: IntArray, target: IntArray) -> IntArray:
-    """Faces with vertex i replaced by `target[i]`, without those that shrink."""
+    """Faces with vertex i replaced by `target[i]`, without the faces that shrink."""
     new = target[faces]
     stays = (new[:, 0] != new[:, 1]) & (new[:, 1] != new[:, 2]) & (new[:, 2] != new[:, 0])
     return np.asarray(new[stays], dtype=np.int32)
@@ -85,7 +85,7 @@ def collapse_edges(faces: IntArray, target: IntArray) -> IntArray:
 def flip_edges(points: FloatArray, faces: IntArray, kept: IntArray, valences: IntArray) -> tuple[IntArray, int]:
     """Flip edges where that brings the numbers of neighbours nearer to the ideal ones, `valences` (n,).
 
-    The sorted keys `kept` are those of edges that stay, the smaller vertex times n plus the larger. Returns the faces
+    The keys `kept` of edges to keep are the smaller vertex times n plus the larger. Returns the faces
     and the number of flips.
     """
     n = len(points)

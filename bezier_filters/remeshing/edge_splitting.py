@@ -23,7 +23,7 @@ class NestedFaces:
         return 0.5 * (self.coordinates + np.roll(self.coordinates, -1, axis=1))
 
 
-def undivided(faces: IntArray) -> NestedFaces:
+def nest_faces(faces: IntArray) -> NestedFaces:
     """Each face in itself."""
     corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
     m = len(faces)

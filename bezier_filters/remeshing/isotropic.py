@@ -19,7 +19,7 @@ from bezier_filters.remeshing.edge_operations import (
     may_collapse,
     stars,
 )
-from bezier_filters.remeshing.edge_splitting import face_edges, split_edges, undivided
+from bezier_filters.remeshing.edge_splitting import face_edges, nest_faces, split_edges
 from bezier_filters.remeshing.kept_curves import (
     CurveEdges,
     CurvePlaces,
@@ -31,7 +31,8 @@ from bezier_filters.remeshing.surface_places import check_places
 
 FREE, ON_CURVE, FIXED = 0, 1, 2  # how a vertex may move
 MAX_SPLITS = 3  # of edges in one iteration, before others become relaxed
-MAX_PASSES = 10  # of collapses, or flips, that do not touch the same faces
+MAX_OPERATION_PASSES = 10  # of collapses, or flips, that do not touch the same faces
+MIN_PROGRESS = 500  # vertices for each collapse of a pass from which there is another pass
 RELAXATION = 0.8  # part of the way to the mean of the neighbours
 INNER_VALENCE, BORDER_VALENCE = 6, 4
 
@@ -73,7 +74,7 @@ class WorkingMesh:
             return False
         middle = np.where(marked, n + np.cumsum(marked) - 1, -1)
         middles = 0.5 * (self.points[a] + self.points[b])[marked]
-        self.faces = split_edges(undivided(self.faces), self.points, edges, middle).faces
+        self.faces = split_edges(nest_faces(self.faces), self.points, edges, middle).faces
         chosen = np.zeros(len(self.curves.ends), dtype=np.bool_)
         chosen[of_curve[marked & is_curve]] = True
         place_of = np.full(len(chosen), -1)
@@ -84,7 +85,7 @@ class WorkingMesh:
 
     def collapse_short(self) -> None:
         """Collapse edges that are too short, if the mesh stays a manifold and no face turns over."""
-        for _ in range(MAX_PASSES):
+        for _ in range(MAX_OPERATION_PASSES):
             n = len(self.points)
             ends = face_edges(self.faces, n).ends
             a, b = ends.T
@@ -114,11 +115,13 @@ class WorkingMesh:
             self.curves = merge_ends(self.curves, target, n)
             self.faces = collapse_edges(self.faces, target)
             self.drop_unused()
+            if len(ends) * MIN_PROGRESS < n:  # the rest waits until others have become relaxed
+                return
 
     def flip(self, valences: IntArray) -> None:
         """Flip edges for better numbers of neighbours."""
         kept = np.sort(self.keys(self.curves.ends))
-        for _ in range(MAX_PASSES):
+        for _ in range(MAX_OPERATION_PASSES):
             self.faces, count = flip_edges(self.points, self.faces, kept, valences)
             if not count:
                 return

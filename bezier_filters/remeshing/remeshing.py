@@ -11,7 +11,7 @@ from bezier_filters.meshes.mesh import check_selection, takes_meshes
 from bezier_filters.meshes.mesh_objects import MeshLike
 from bezier_filters.meshes.unit_size import LENGTH, normalizes_size
 from bezier_filters.patch_surface.surface import Surface, fit_surface
-from bezier_filters.remeshing.edge_lengths import by_curvature, length_for_count, uniform
+from bezier_filters.remeshing.edge_lengths import curvature_sizing, length_for_count, uniform_sizing
 from bezier_filters.remeshing.edge_splitting import face_edges
 from bezier_filters.remeshing.isotropic import FIXED, FREE, ON_CURVE, WorkingMesh, remesh_surface
 from bezier_filters.remeshing.kept_curves import CurvePlaces, find_chains, initial_edges, kept_edges
@@ -163,10 +163,10 @@ def remesh(
         _remesh_to_count(mesh, vertex_count, iterations)
     elif tolerance is None:
         _check_size(mesh, size)
-        remesh_surface(mesh, uniform(size), iterations)
+        remesh_surface(mesh, uniform_sizing(size), iterations)
     else:
         longest = MAX_LENGTH_RATIO * float(np.linalg.norm(np.ptp(surface.mesh.vertices, axis=0)))
-        sizing = by_curvature(
+        sizing = curvature_sizing(
             tolerance, MIN_LENGTH_RATIO * mean_edge(surface.mesh), longest if length is None else length
         )
         remesh_surface(mesh, sizing, iterations)
@@ -192,7 +192,10 @@ def _check(length: float | None, vertex_count: int | None, tolerance: float | No
 def _check_edges(edges: IntArray | None, n: int) -> IntArray:
     if edges is None:
         return np.zeros((0, 2), dtype=np.int32)
-    found = np.asarray(edges)
+    try:
+        found = np.asarray(edges)
+    except ValueError as error:
+        raise InvalidParameterError(f"edges: expected integers of shape (e, 2); {error}") from None
     if found.ndim != 2 or found.shape[1] != 2 or found.dtype.kind not in "iu":
         raise InvalidParameterError(f"edges: got shape {found.shape}, expected integers of shape (e, 2)")
     if len(found) and not (found.min() >= 0 and found.max() < n):
@@ -258,13 +261,13 @@ def _working_mesh(surface: Surface, chosen: BoolArray, extra: IntArray) -> Worki
 def _remesh_to_count(mesh: WorkingMesh, count: int, iterations: int) -> None:
     """Remesh with the length that gives a number of vertices, which follows from the numbers for others."""
     length = length_for_count(mesh.points, mesh.faces, 2.0 * count)
-    remesh_surface(mesh, uniform(length), iterations)
+    remesh_surface(mesh, uniform_sizing(length), iterations)
     for _ in range(COUNT_ROUNDS):
         ratio = len(mesh.points) / count
         if abs(ratio - 1.0) < COUNT_ACCURACY:
             return
         length *= float(np.clip(np.sqrt(ratio), 0.5, 2.0))
-        remesh_surface(mesh, uniform(length), COUNT_ITERATIONS)
+        remesh_surface(mesh, uniform_sizing(length), COUNT_ITERATIONS)
 
 
 def _result(mesh: WorkingMesh, surface: Surface, chosen: BoolArray) -> RemeshingResult:

@@ -16,8 +16,8 @@ from bezier_filters.remeshing.edge_splitting import (
     NestedFaces,
     face_edges,
     include_longest_edges,
+    nest_faces,
     split_edges,
-    undivided,
 )
 from bezier_filters.remeshing.surface_places import Positions, find_positions, find_vertices
 from bezier_filters.result_tables import Table, TabularResult
@@ -118,7 +118,7 @@ def subdivide(
         Split only edges whose midpoints are farther from the surface, a length, until none is. With any edge of a face
         its longest one is split, so that angles stay above half of those of the mesh.
     selected : (m,) bool, optional
-        Faces to subdivide; those beside them are divided at common edges.
+        Faces to subdivide; their neighbours are divided at common edges.
     move : bool, optional
         Whether old vertices move onto the surface. By default they do where the noise is more than 0.002 mean edges;
         otherwise the surface is drawn through them. False draws it through noisy ones, too: their distances from it,
@@ -207,7 +207,7 @@ class _Refinement:
 
     def __init__(self, surface: Surface, chosen: BoolArray, *, moves: bool) -> None:
         self.surface, self.chosen, mesh = surface, chosen, surface.mesh
-        self.nested = undivided(mesh.faces)
+        self.nested = nest_faces(mesh.faces)
         n, found = mesh.vertex_count, find_vertices(surface)
         used = np.zeros(n, dtype=np.bool_)
         used[mesh.faces[chosen]] = True
@@ -218,7 +218,7 @@ class _Refinement:
         self.on_face = used & found.on_face
 
     def divide_all(self) -> None:
-        """Make four faces of each chosen one, and divide those beside them."""
+        """Make four faces of each chosen one, and divide their neighbours."""
         edges = face_edges(self.nested.faces, len(self.vertices))
         marked = np.zeros(len(edges.ends), dtype=np.bool_)
         marked[edges.of_face[self.chosen[self.nested.parents]]] = True
