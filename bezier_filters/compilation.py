@@ -27,6 +27,8 @@ from bezier_filters.holes.polyharmonic_fairing import polyharmonic_continuation
 from bezier_filters.meshes.adjacency import Adjacency, Rows
 from bezier_filters.meshes.half_edges import faces_at_edges
 from bezier_filters.meshes.spatial_order import MIN_REORDER_VERTICES, has_locality
+from bezier_filters.remeshing.remeshing import remesh
+from bezier_filters.remeshing.subdivision import subdivide
 from bezier_filters.runtime.compile_time import ANNOUNCEMENTS
 from bezier_filters.runtime.kernel_cache import SUFFIX
 from bezier_filters.runtime.kernel_folders import kernel_folders
@@ -141,6 +143,11 @@ def _fill() -> None:
     fill_holes(ball.vertices, _remove_faces_near(ball.vertices, ball.faces, (0.9, 0.0, 0.0)))
 
 
+def _remesh() -> None:
+    remesh(*_torus_with_holes(), iterations=1)
+    subdivide(*_torus_with_holes())
+
+
 def _find_lines() -> None:
     find_creases(*block_with_sharp_edges(resolution=8))
 
@@ -193,6 +200,7 @@ STAGES: tuple[dict[str, Callable[[], None]], ...] = (
         "point clouds": _estimate_points,
         "estimates": _estimate_in_all_ways,
         "feature lines": _find_lines,
+        "remeshing": _remesh,
         "tiles": _run_tiles,
         "rare cases": _run_rare_cases,
     },
