@@ -211,6 +211,34 @@ pairs : str, default "auto"
 """),
     *(_FILLED[name] for name in ("intersecting", "noise")),
 )
+SUBDIVISION = (
+    *parameters(f"""
+iterations : int, optional
+    How often every face becomes four, 1 if no tolerance is given.
+tolerance : {LENGTH_TYPE}, optional
+    Split only edges whose midpoints are farther from the surface: a length or a percentage.
+    The percentage is one of the diagonal of the bounding box. With any edge of a face its longest one is split.
+move : bool, optional
+    Whether old vertices move onto the surface; by default they do where the mesh is noisy.
+    False draws the surface through noisy vertices, too.
+"""),
+    _FILLED["noise"],
+)
+REMESHING = (
+    *parameters(f"""
+length : {LENGTH_TYPE}, optional
+    Length of the edges, or a percentage of the diagonal of the bounding box; the mean of the old ones if left out.
+    With a tolerance it is the largest one, by default a tenth of the diagonal.
+vertexcount : int, optional
+    Number of vertices instead of a length, reached to within some percent.
+tolerance : {LENGTH_TYPE}, optional
+    Distance from the surface from which lengths follow by the curvature: a length or a percentage.
+    With few triangles on nearly flat parts it decimates a mesh.
+iterations : int, default 10
+    Number of iterations.
+"""),
+    _FILLED["noise"],
+)
 LINES = parameters("""
 angle : float, default 40.0
     Angle between faces in degrees, from which on an edge may be sharp.
@@ -288,6 +316,8 @@ PARAMETERS = {
     "fill-holes": (*FILLING, *REPAIR, *RUN),
     "replace": (*REPLACEMENT, *RUN),
     "bridge": (*BRIDGES, *RUN),
+    "subdivide": (*SUBDIVISION, *RUN),
+    "remesh": (*REMESHING, *RUN),
     CREASES: (*LINES, *FIT, *RUN),
     BAKE: (*TEXTURE, *FIT, *RUN),
     "lines": (*SURFACE_LINES, *RUN),

@@ -292,6 +292,7 @@ _NAMES = {
     "maxperimeter": "max-perimeter",
     "maxdiameter": "max-diameter",
     "outerrims": "outer-rims",
+    "vertexcount": "vertex-count",
     "boltholes": "bolt-holes",
     "minstrength": "min-strength",
     "texmap": "map",

@@ -49,7 +49,7 @@ def batch(
     command: Annotated[
         str,
         typer.Argument(
-            help="normals, curvature, torsion, smooth, fill-holes, replace, bridge, creases or lines.",
+            help="normals, curvature, torsion, smooth, fill-holes, replace, bridge, subdivide, remesh, creases, lines.",
             metavar="COMMAND",
         ),
     ],

@@ -261,6 +261,15 @@ def print_bridges(report: Report, source: str) -> None:
     )
 
 
+def print_remeshing(report: Report, source: str) -> None:
+    """Print how many vertices and faces there were and are."""
+    out().print(f"[bold]{escape(source)}[/]")
+    for name in ("vertices", "faces"):
+        out().print(f"  {report[f'old_{name}']:,} {name} before, {report[name]:,} after", markup=False)
+    if report["chord_error"] is not None:
+        out().print(f"  edges are within {report['chord_error']:.3g} of the surface", markup=False)
+
+
 def print_creases(report: Report, source: str) -> None:
     """Print number, length and strength of the lines of each kind."""
     out().print(f"[bold]{escape(source)}[/]")
@@ -347,6 +356,8 @@ def _numbers(report: Report) -> str:
         return f"{report['lines']:,} lines, {len(report['umbilics']):,} umbilics"
     if "closed_holes" in report:
         return f"{report['closed_holes']:,} holes filled, {report['open_holes']:,} left open"
+    if "old_faces" in report:
+        return f"{report['old_faces']:,} faces before, {report['faces']:,} after"
     if "bridged_pairs" in report:
         return f"{report['bridged_pairs']:,} pairs of holes joined, {report['open_pairs']:,} left open"
     if "replaced_patches" in report:

@@ -31,7 +31,9 @@ from bezier_filters.meshlab.meshset import (
     filter_list,
     former_filter_names,
 )
+from bezier_filters.meshlab.remeshing_filter import meshing_remeshing_by_bezier_patch
 from bezier_filters.meshlab.replacement_filter import meshing_replace_selection_by_bezier_patch
+from bezier_filters.meshlab.subdivision_filter import meshing_surface_subdivision_by_bezier_patch
 from bezier_filters.meshlab.texture_filter import compute_texmap_by_bezier_patch
 from bezier_filters.meshlab.vertex_filters import (
     apply_coord_bezier_patch_smoothing,
@@ -53,6 +55,8 @@ FILTERS: tuple[Callable[..., Report], ...] = (
     meshing_replace_selection_by_bezier_patch,
     meshing_bridge_holes_by_bezier_patch,
     compute_texmap_by_bezier_patch,
+    meshing_surface_subdivision_by_bezier_patch,
+    meshing_remeshing_by_bezier_patch,
 )
 OURS = {function.__name__: function for function in FILTERS}
 

@@ -147,6 +147,8 @@ REMARKS = {
     "fill-holes": "0 holes filled, 0 left open",
     "replace": "1 patches replaced, 0 left as they were",
     "bridge": "0 pairs of holes joined, 0 left open",
+    "subdivide": "192 faces before, 768 after",
+    "remesh": "192 faces before, ",
     "creases": "21 lines, 60 sharp edges",
     "bake": "curvature map, 81% of 64 x 64 texels",
     "lines": "0 lines, 0 umbilics; look at: there are no lines",

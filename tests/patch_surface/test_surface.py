@@ -46,6 +46,24 @@ def ring_surface(ring):
     return fit_surface(ring.vertices, ring.faces)
 
 
+def test_without_noise_it_passes_through_the_vertices_of_a_regular_mesh():
+    """Lattices make the error of patches smooth, which looks like a little noise."""
+    ring = torus(resolution=24)
+    edge = np.linalg.norm(np.diff(ring.vertices[ring.faces[:, :2]], axis=1), axis=2).mean()
+    surface = fit_surface(ring.vertices, ring.faces)
+    at_vertices = surface.evaluate(np.arange(len(ring.faces)), np.zeros((len(ring.faces), 2)))
+    np.testing.assert_allclose(at_vertices.points, ring.vertices[ring.faces[:, 0]], atol=1e-5 * edge)
+    between = surface.evaluate(*random_places(ring.faces, 4000))
+    assert rms(torus_truth(between.points)[0]) < 5e-5 * edge
+
+
+@pytest.mark.parametrize("level", [3e-4, 0.1])
+def test_noise_is_not_interpolated(level):
+    ring = torus(resolution=40)
+    surface = fit_surface(add_noise(ring, level), ring.faces)
+    assert surface.geometry.noise_sigma > 0.0
+
+
 def test_between_vertices_it_is_as_accurate_as_at_them(ring, ring_surface):
     geometry = estimate_vertex_geometry(ring.vertices, ring.faces)
     there = ring_surface.evaluate(*random_places(ring.faces, 4000))
@@ -88,7 +106,7 @@ def test_normals_are_those_of_the_positions(ring, ring_surface):
 
 
 def test_at_a_vertex_it_is_the_patch_of_that_vertex(ring, ring_surface):
-    geometry = estimate_vertex_geometry(ring.vertices, ring.faces)
+    geometry = estimate_vertex_geometry(ring.vertices, ring.faces, noise=0.0)
     there = ring_surface.evaluate(np.arange(len(ring.faces)), np.zeros((len(ring.faces), 2)))
     rows = ring.faces[:, 0]
     np.testing.assert_allclose(there.points, (ring.vertices + geometry.displacements)[rows], atol=1e-4)

@@ -35,6 +35,7 @@ estimation
 feature_lines
 patch_surface
 surface_lines
+remeshing
 holes
 textures
 files

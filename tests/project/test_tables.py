@@ -23,6 +23,8 @@ COMMANDS = {
     "meshing_close_holes_by_bezier_patch": "fill-holes",
     "meshing_bridge_holes_by_bezier_patch": "bridge",
     "meshing_replace_selection_by_bezier_patch": "replace",
+    "meshing_surface_subdivision_by_bezier_patch": "subdivide",
+    "meshing_remeshing_by_bezier_patch": "remesh",
     "compute_normal_by_bezier_patch_per_vertex": "normals",
     "compute_curvature_by_bezier_patch_per_vertex": "curvature",
     "compute_torsion_by_bezier_patch_per_vertex": "torsion",

@@ -68,6 +68,8 @@ FUNCTIONS = [
     "replace_selection",
     "bridge_holes",
     "bake_texture",
+    "subdivide",
+    "remesh",
     "find_creases",
     "triangle_mesh",
     "boundary_loops",
@@ -97,6 +99,8 @@ FUNCTIONS = [
     "meshing_replace_selection_by_bezier_patch",
     "meshing_bridge_holes_by_bezier_patch",
     "compute_texmap_by_bezier_patch",
+    "meshing_surface_subdivision_by_bezier_patch",
+    "meshing_remeshing_by_bezier_patch",
 ]
 UNCHECKED = {"progress", "colorrange", "percentile"}  # what is called; what counts only where there are colours
 
