@@ -87,9 +87,7 @@ def measure(name: str, body: SampledSurface, level: LevelSet, noise: float) -> N
 
 def main() -> None:
     """Print the table."""
-    columns = "body, noise, H at vertices, between, interpolated, normals, between, positions, between, facets".split(
-        ", "
-    )
+    columns = ["body", "noise", "H at vertices", "between", "interpolated", "normals", "between", "positions", "between", "facets"]
     print("| " + " | ".join(columns) + " |")
     print("|---" * len(columns) + "|")
     bodies = (
