@@ -12,7 +12,7 @@ SOURCES := pyproject.toml
 BIN := $(if $(filter Windows_NT,$(OS)),Scripts,bin)
 
 .PHONY: help demo test test-slow test-oldest test-next test-pythons frozen style check coverage docs wheel bench paper bench-kernels bench-scale \
-    fuzz mutants corpus clean
+    fuzz mutants corpus hosts clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 16
@@ -113,6 +113,9 @@ mutants: .venv-dev/bench-ready  ## change the code at 250 places, one at a time:
 
 corpus: .venv-dev/ready  ## run everything on every mesh file below a folder (DIR=folder), into out/corpus.csv
 	.venv-dev/$(BIN)/python tools/corpus.py $(DIR) $(ARGS)
+
+hosts: .venv-dev/ready  ## install PyVista, napari, Blender and the adapters, and take first pictures of MESH=file.obj; needs ParaView and xvfb
+	.venv-dev/$(BIN)/python tools/host_pictures.py '$(MESH)' $(ARGS)
 
 clean:  ## remove environments, caches and outputs
 	rm -rf .venv .venv-dev .venv-oldest .venv-next .venv-python* out build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

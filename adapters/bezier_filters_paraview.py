@@ -1,4 +1,7 @@
-"""ParaView: the filters in the menu "Bezier filters"; Tools > Manage Plugins > Load New loads this file."""
+"""ParaView: the filters in the menu "Bezier filters"; Tools > Manage Plugins > Load New loads this file.
+
+Output has a field as its active scalars, which ParaView shows first, with the package's own colours and limits.
+"""
 
 from collections.abc import Callable
 from typing import Any
@@ -12,6 +15,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from bezier_filters.fields import SMOOTH
 from bezier_filters.parameters import Parameter
+from bezier_filters_adapters.field_colors import field_colors
 from bezier_filters_adapters.filters import (
     ERRORS,
     HELP,
@@ -21,7 +25,8 @@ from bezier_filters_adapters.filters import (
     parameters_of,
     run,
 )
-from bezier_filters_adapters.vtk_fields import set_fields
+from bezier_filters_adapters.paraview_colors import set_color_map
+from bezier_filters_adapters.vtk_fields import choose_scalars, set_fields
 from bezier_filters_adapters.vtk_fills import add_fill, triangles_of
 from bezier_filters_adapters.vtk_normals import renew_normals
 
@@ -63,7 +68,8 @@ def _filter(name: str, class_name: str) -> Any:
     def RequestData(self: Any, request: Any, inputs: Any, outputs: Any) -> int:
         source, target = vtkPolyData.GetData(inputs[0]), vtkPolyData.GetData(outputs)
         try:
-            _apply(name, source, target, self.given)
+            self.SetProgressText(LABELS[name])
+            _apply(name, source, target, self.given, self.UpdateProgress)
         except ERRORS as error:
             print_error(f"{LABELS[name]}: {error}")
             return 0
@@ -72,27 +78,32 @@ def _filter(name: str, class_name: str) -> Any:
     body = {"__module__": __name__, "__doc__": HELP[name], "__init__": __init__, "RequestData": RequestData}
     setters = {f"set_{parameter.name}": _setter(parameter) for parameter in parameters_of(name)}
     made = type(class_name, (VTKPythonAlgorithmBase,), body | setters)
-    made = smhint.xml('<ShowInMenu category="Bezier filters"/>')(made)
     made = smdomain.datatype(dataTypes=["vtkPolyData"], composite_data_supported=False)(made)
     made = smproperty.input(name="Input", port_index=0)(made)
+    made = smhint.xml('<ShowInMenu category="Bezier filters"/>')(made)  # after the input, which would take it
     return smproxy.filter(name=class_name, label=f"Bezier {LABELS[name].title()}")(made)
 
 
-def _apply(name: str, source: Any, target: Any, given: dict[str, object]) -> None:
+def _apply(
+    name: str, source: Any, target: Any, given: dict[str, object], show_share: Callable[[float], object]
+) -> None:
     if source.GetPoints() is None:  # nothing came in
         return
     faces, cells = triangles_of(source)
-    result = run(name, vtk_to_numpy(source.GetPoints().GetData()), faces, given)
+    result = run(name, vtk_to_numpy(source.GetPoints().GetData()), faces, given, show_share)
     target.ShallowCopy(source)
     if result.fill is not None:
         add_fill(target, result.fill, cells)
-        return
-    if name == SMOOTH:
-        points = vtkPoints()
-        points.SetData(numpy_to_vtk(result.vertices, deep=True))
-        target.SetPoints(points)
-        renew_normals(target)
-    set_fields(target.GetPointData(), result.fields)
+    else:
+        if name == SMOOTH:
+            points = vtkPoints()
+            points.SetData(numpy_to_vtk(result.vertices, deep=True))
+            target.SetPoints(points)
+            renew_normals(target)
+        set_fields(target.GetPointData(), result.fields)
+    shown = choose_scalars(target.GetPointData(), name, result.fields)
+    if shown is not None:
+        set_color_map(shown, field_colors(shown, result.fields[shown]))
 
 
 BezierNormals = _filter("normals", "BezierNormals")

@@ -15,6 +15,7 @@ from .files.field_files import save_fields as save_fields
 from .files.filter_scripts import ScriptStep as ScriptStep
 from .files.filter_scripts import read_filter_script as read_filter_script
 from .files.filter_scripts import save_filter_script as save_filter_script
+from .files.texture_files import save_texture as save_texture
 from .fitting.vertex_geometry import VertexGeometry as VertexGeometry
 from .fitting.vertex_patch import vertex_patch as vertex_patch
 from .holes.bridging import BridgingResult as BridgingResult
@@ -54,12 +55,17 @@ from .meshlab.mesh_files import save_mesh as save_mesh
 from .meshlab.meshset import BezierFilterError as BezierFilterError
 from .meshlab.registration import register as register
 from .meshlab.registration import unregister as unregister
+from .meshlab.remeshing_filter import meshing_remeshing_by_bezier_patch as meshing_remeshing_by_bezier_patch
 from .meshlab.replacement_filter import (
     meshing_replace_selection_by_bezier_patch as meshing_replace_selection_by_bezier_patch,
 )
 from .meshlab.scripts import StepReport as StepReport
 from .meshlab.scripts import run_filter_script as run_filter_script
 from .meshlab.scripts import script_step as script_step
+from .meshlab.subdivision_filter import (
+    meshing_surface_subdivision_by_bezier_patch as meshing_surface_subdivision_by_bezier_patch,
+)
+from .meshlab.texture_filter import compute_texmap_by_bezier_patch as compute_texmap_by_bezier_patch
 from .meshlab.vertex_filters import apply_coord_bezier_patch_smoothing as apply_coord_bezier_patch_smoothing
 from .meshlab.vertex_filters import (
     compute_curvature_by_bezier_patch_per_vertex as compute_curvature_by_bezier_patch_per_vertex,
@@ -82,6 +88,10 @@ from .pictures.page import Page as Page
 from .pictures.page import show as show
 from .pictures.render import render_panels as render_panels
 from .pictures.scene import Panel as Panel
+from .remeshing.remeshing import RemeshingResult as RemeshingResult
+from .remeshing.remeshing import remesh as remesh
+from .remeshing.subdivision import SubdivisionResult as SubdivisionResult
+from .remeshing.subdivision import subdivide as subdivide
 from .smoothing.smooth import SmoothingResult as SmoothingResult
 from .smoothing.smooth import smooth as smooth
 from .status import FitStatus as FitStatus
@@ -93,3 +103,5 @@ from .surface_lines.lines import SurfaceLines as SurfaceLines
 from .surface_lines.lines import trace_lines as trace_lines
 from .surface_lines.umbilics import Umbilic as Umbilic
 from .surface_lines.umbilics import find_umbilics as find_umbilics
+from .textures.bake import BakedTexture as BakedTexture
+from .textures.bake import bake_texture as bake_texture

@@ -28,6 +28,8 @@ from bezier_filters.meshes.adjacency import Adjacency, Rows
 from bezier_filters.meshes.half_edges import faces_at_edges
 from bezier_filters.meshes.spatial_order import MIN_REORDER_VERTICES, has_locality
 from bezier_filters.patch_surface.surface import fit_surface
+from bezier_filters.remeshing.remeshing import remesh
+from bezier_filters.remeshing.subdivision import subdivide
 from bezier_filters.runtime.compile_time import ANNOUNCEMENTS
 from bezier_filters.runtime.kernel_cache import SUFFIX
 from bezier_filters.runtime.kernel_folders import kernel_folders
@@ -143,6 +145,17 @@ def _fill() -> None:
     fill_holes(ball.vertices, _remove_faces_near(ball.vertices, ball.faces, (0.9, 0.0, 0.0)))
 
 
+def _ask_surface() -> None:
+    surface = fit_surface(*_torus_with_holes())
+    surface.query(np.zeros((1, 3)))
+    surface.evaluate([0], [[0.2, 0.3]])
+
+
+def _remesh() -> None:
+    remesh(*_torus_with_holes(), iterations=1)
+    subdivide(*_torus_with_holes())
+
+
 def _find_lines() -> None:
     find_creases(*block_with_sharp_edges(resolution=8))
 
@@ -199,8 +212,10 @@ STAGES: tuple[dict[str, Callable[[], None]], ...] = (
         "smoothing": _smooth,
         "point clouds": _estimate_points,
         "estimates": _estimate_in_all_ways,
+        "surfaces": _ask_surface,
         "feature lines": _find_lines,
         "surfaces and lines on them": _trace_lines,
+        "remeshing": _remesh,
         "tiles": _run_tiles,
         "rare cases": _run_rare_cases,
     },

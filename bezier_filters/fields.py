@@ -15,6 +15,7 @@ NORMAL = PREFIX + "normal"  # array of the normals where vectors are arrays
 GRADE = PREFIX + "fit_grade"  # column of the grades of fits: see `FitStatus`
 # the filters that write fields, by their commands
 NORMALS, CURVATURE, TORSION, SMOOTH, CREASES = "normals", "curvature", "torsion", "smooth", "creases"
+BAKE = "bake"  # the command whose filter writes an image
 ESTIMATES = (NORMALS, CURVATURE, TORSION)  # filters whose fields are values of a `VertexGeometry`
 
 

@@ -14,6 +14,7 @@ from itertools import groupby
 from typing import TypeVar
 
 from bezier_filters.fields import (
+    BAKE,
     CREASES,
     CURVATURE,
     ESTIMATES,
@@ -210,12 +211,55 @@ pairs : str, default "auto"
 """),
     *(_FILLED[name] for name in ("intersecting", "noise")),
 )
+SUBDIVISION = (
+    *parameters(f"""
+iterations : int, optional
+    How often every face becomes four, 1 if no tolerance is given.
+tolerance : {LENGTH_TYPE}, optional
+    Split only edges whose midpoints are farther from the surface: a length or a percentage.
+    The percentage is one of the diagonal of the bounding box. With any edge of a face its longest one is split.
+move : bool, optional
+    Whether old vertices move onto the surface; by default they do where the mesh is noisy.
+    False draws the surface through noisy vertices, too.
+"""),
+    _FILLED["noise"],
+)
+REMESHING = (
+    *parameters(f"""
+length : {LENGTH_TYPE}, optional
+    Length of the edges, or a percentage of the diagonal of the bounding box; the mean of the old ones if left out.
+    With a tolerance it is the largest one, by default a tenth of the diagonal.
+vertexcount : int, optional
+    Number of vertices instead of a length, reached to within some percent.
+tolerance : {LENGTH_TYPE}, optional
+    Distance from the surface from which lengths follow by the curvature: a length or a percentage.
+    With few triangles on nearly flat parts it decimates a mesh.
+iterations : int, default 10
+    Number of iterations.
+"""),
+    _FILLED["noise"],
+)
 LINES = parameters("""
 angle : float, default 40.0
     Angle between faces in degrees, from which on an edge may be sharp.
 minstrength : float, default 2.0
     Omit smooth lines that are weaker: shorter, in radii of the curvature across them.
     A line is weaker, too, where that curvature hardly changes across it.
+""")
+TEXTURE = parameters(f"""
+texmap : {{"curvature", "cavity", "convexity", "normal"}}, default "curvature"
+    curvature (grey is flat, white convex), cavity (concave is black), convexity (convex is white) or normal.
+size : int, default 1024
+    Rows, and columns, of the image.
+scale : {LENGTH_TYPE}, optional
+    Radius of curvature at which the map saturates, a length or a percentage of the diagonal of the bounding box.
+    By default 2 % of the vertices saturate, sharp edges aside. Maps of several meshes are comparable if it is given.
+padding : int, default 8
+    Texels around charts that repeat the nearest value inside, against seams in filters and mip-maps.
+bits : int, default 16
+    Bits of each channel of the file, 8 or 16.
+directx : bool, default False
+    Green is down (-Y, DirectX) in a normal map; otherwise it is up (+Y, OpenGL).
 """)
 SURFACE_LINES = parameters(f"""
 family : {{"curvature", "max", "min", "torsion", "asymptotic", "normal"}}, default "curvature"
@@ -272,7 +316,10 @@ PARAMETERS = {
     "fill-holes": (*FILLING, *REPAIR, *RUN),
     "replace": (*REPLACEMENT, *RUN),
     "bridge": (*BRIDGES, *RUN),
+    "subdivide": (*SUBDIVISION, *RUN),
+    "remesh": (*REMESHING, *RUN),
     CREASES: (*LINES, *FIT, *RUN),
+    BAKE: (*TEXTURE, *FIT, *RUN),
     "lines": (*SURFACE_LINES, *RUN),
 }
 _ESTIMATED = """\

@@ -8,6 +8,7 @@ import pycc
 from bezier_filters.arrays import FloatArray
 from bezier_filters.field_arrays import split_vectors
 from bezier_filters.fields import SMOOTH
+from bezier_filters_adapters.field_colors import field_colors
 from bezier_filters_adapters.filled_fields import Fill, Values
 from bezier_filters_adapters.filters import ERRORS, FILL_HOLES, LABELS, run
 
@@ -41,7 +42,14 @@ def apply(name: str, mesh: pycc.ccMesh, **given: object) -> pycc.ccMesh:
     """Add fields to the cloud of a mesh, or a new mesh to the tree, for scripts, too; return the mesh that has them."""
     corners = (mesh.getTriangleVertIndexes(k) for k in range(mesh.size()))
     faces = [(corner.i1, corner.i2, corner.i3) for corner in corners]
-    result = run(name, mesh.getAssociatedCloud().points(), faces, given)
+    dialog = pycc.ccProgressDialog()
+    dialog.setMethodTitle(f"Bezier filters: {LABELS[name].lower()}")
+    dialog.start()
+    try:
+        points = mesh.getAssociatedCloud().points()
+        result = run(name, points, faces, given, lambda share: dialog.update(100.0 * share))
+    finally:
+        dialog.stop()
     fields = split_vectors(result.fields)  # it knows numbers alone
     if result.fill is not None:
         fields = _grown_fields(mesh.getAssociatedCloud(), result.fill) | fields
@@ -55,11 +63,25 @@ def apply(name: str, mesh: pycc.ccMesh, **given: object) -> pycc.ccMesh:
         field.asArray()[:] = values
         field.computeMinAndMax()
     if fields:
-        cloud.setCurrentDisplayedScalarField(cloud.getScalarFieldIndexByName(next(iter(split_vectors(result.fields)))))
+        shown = next(iter(split_vectors(result.fields)))
+        index = cloud.getScalarFieldIndexByName(shown)
+        _set_colors(cloud.getScalarField(index), shown, fields[shown])
+        cloud.setCurrentDisplayedScalarField(index)
         mesh.showSF(True)
     pycc.ccLog.Print(result.summary)
     pycc.GetInstance().updateUI()
     return mesh
+
+
+def _set_colors(field: pycc.ccScalarField, column: str, values: Values) -> None:
+    """Colours and limits of a scalar field; of CloudCompare's own maps BWR is closest to Cool Warm."""
+    colors, scales = field_colors(column, values), pycc.ccColorScalesManager
+    scale = scales.DEFAULT_SCALES.BWR if colors.signed else scales.DEFAULT_SCALES.VIRIDIS
+    low, high = colors.limits
+    field.setColorScale(scales.GetDefaultScale(scale))
+    field.setSymmetricalScale(colors.signed)  # limits are those of the size of values then
+    field.setSaturationStart(0.0 if colors.signed else low)
+    field.setSaturationStop(high)
 
 
 def _grown_fields(cloud: pycc.ccPointCloud, fill: Fill) -> dict[str, Values]:

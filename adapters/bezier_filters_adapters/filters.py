@@ -20,6 +20,7 @@ from bezier_filters.feature_lines.crease_lines import crease_columns
 from bezier_filters.field_arrays import join_vectors, result_arrays
 from bezier_filters.fields import CREASES, CURVATURE, ESTIMATES, NORMALS, SMOOTH, TORSION, Field, fields_of
 from bezier_filters.parameters import LENGTH_TYPE, PARAMETERS, RUN, Parameter
+from bezier_filters.runtime.parallel import Progress
 from bezier_filters_adapters.filled_fields import NEW, Fill, Values
 
 FILL_HOLES = "fill-holes"
@@ -65,8 +66,18 @@ class Result:
     fill: Fill | None = None
 
 
-def run(name: str, vertices: ArrayLike, faces: ArrayLike, given: Mapping[str, object]) -> Result:
-    """Run the filter of a command's name; texts are read, and what is None, empty or "default" is left out."""
+def run(
+    name: str,
+    vertices: ArrayLike,
+    faces: ArrayLike,
+    given: Mapping[str, object],
+    show_share: Callable[[float], object] | None = None,
+) -> Result:
+    """Run the filter of a command's name; texts are read, and what is None, empty or "default" is left out.
+
+    `show_share` is called with the share that is done, from 0 to 1, now and then from this thread.
+    """
+    progress = None if show_share is None else _progress(show_share)
     vertices, faces = np.array(vertices, np.float64), np.array(faces, np.int32).reshape(-1, 3)
     known = {parameter.name: parameter for parameter in parameters_of(name)}
     for key in given:
@@ -75,17 +86,30 @@ def run(name: str, vertices: ArrayLike, faces: ArrayLike, given: Mapping[str, ob
     left_out = (None, "", DEFAULT)
     values = {key: _value(known[key], value, vertices) for key, value in given.items() if value not in left_out}
     if name == SMOOTH:
-        smoothed = bf.smooth(vertices, faces, **_arguments(bf.smooth, values))
+        smoothed = bf.smooth(vertices, faces, progress=progress, **_arguments(bf.smooth, values))
         return Result(smoothed.vertices, faces, result_arrays(smoothed, SMOOTH), repr(smoothed))
     if name == FILL_HOLES:
-        filled = bf.fill_holes(vertices, faces, **_arguments(bf.fill_holes, values))
+        filled = bf.fill_holes(vertices, faces, progress=progress, **_arguments(bf.fill_holes, values))
         fill = Fill(filled.vertices, filled.faces, len(vertices), len(faces))
         return Result(filled.vertices, filled.faces, fill.marks(), repr(filled), fill)
-    geometry = bf.estimate_vertex_geometry(vertices, faces, **_arguments(bf.estimate_vertex_geometry, values))
+    options = _arguments(bf.estimate_vertex_geometry, values)
+    geometry = bf.estimate_vertex_geometry(vertices, faces, progress=progress, **options)
     if name == CREASES:
         creases = bf.find_creases(vertices, faces, geometry, **_arguments(bf.find_creases, values))
         return Result(vertices, faces, join_vectors(crease_columns(creases)), repr(creases))
     return Result(vertices, faces, result_arrays(geometry, name), str(geometry.status_counts()))
+
+
+def _progress(show_share: Callable[[float], object]) -> Progress:
+    """A callback of the functions, which never cancels; shares do not fall where a second pass begins."""
+    shown = 0.0
+
+    def progress(done: int, total: int) -> None:
+        nonlocal shown
+        shown = max(shown, min(done / max(total, 1), 1.0))
+        show_share(shown)
+
+    return progress
 
 
 def parameters_of(name: str) -> list[Parameter]:

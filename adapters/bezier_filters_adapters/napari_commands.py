@@ -3,7 +3,8 @@
 They compute in the coordinates of the world, where lengths are what the scale of the layer says.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from inspect import Parameter
 from typing import Any, Literal
 
@@ -13,12 +14,14 @@ from bezier_filters.arrays import FloatArray
 from bezier_filters.field_arrays import split_vectors
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.meshes.mesh_objects import Placement, placement_of_layer
+from bezier_filters_adapters.field_colors import field_colors
 from bezier_filters_adapters.filled_fields import Fill, Values
 from bezier_filters_adapters.filters import LABELS, annotated, column_names, run
 
 LayerData = tuple[tuple[Any, ...], dict[str, Any], str]
 # what says where a layer is shown, and in which units
 _HANDED_ON = ("scale", "translate", "rotate", "shear", "affine", "units", "axis_labels")
+_COLORS = ("colormap", "contrast_limits", "gamma")  # what says how its values are shown
 
 
 def _command(name: str) -> Callable[..., LayerData]:
@@ -33,16 +36,19 @@ def _command(name: str) -> Callable[..., LayerData]:
         mesh = triangle_mesh(data[0], data[1])
         placement = placement_of_layer(surface) if is_layer else Placement(np.eye(3), np.zeros(3))
         world = placement.world_coordinates(mesh.vertices)
-        result = run(name, world, placement.orient(mesh.faces), given)
+        with _progress_bar(LABELS[name], is_shown=is_layer) as show_share:
+            result = run(name, world, placement.orient(mesh.faces), given, show_share)
         vertices = _in_data(placement, mesh.vertices, world, result.vertices)
         handed_on = surface.as_layer_data_tuple()[1] if is_layer else {}
         fields, values = result.fields, split_vectors(result.fields)[shown].astype(np.float64)
+        colors: dict[str, Any] = {}
         if result.fill is not None:
             fields = _grown_metadata(result.fill, handed_on.get("metadata", {})) | fields
             if len(data) > len(("vertices", "faces")) and np.ptp(data[2]):  # else they say nothing
                 values, shown = _grown(result.fill, data[2]), LABELS[name]
-        state = {key: handed_on[key] for key in _HANDED_ON if key in handed_on}
-        state |= {"name": shown, "metadata": fields | {"summary": result.summary}}
+                colors = {key: handed_on[key] for key in _COLORS if key in handed_on}
+        state = {key: handed_on[key] for key in _HANDED_ON if key in handed_on} | (colors or _colors(shown, values))
+        state |= {"name": shown, "metadata": fields | {"summary": result.summary}, "shading": "smooth"}
         return (vertices, placement.orient(result.faces), values), state, "surface"
 
     before = [Parameter("surface", Parameter.POSITIONAL_OR_KEYWORD, annotation="napari.layers.Surface")]
@@ -51,6 +57,25 @@ def _command(name: str) -> Callable[..., LayerData]:
         before.append(field)
     command.__annotations__["return"] = "napari.types.LayerDataTuple"
     return annotated(command, name, *before)
+
+
+def _colors(column: str, values: Values) -> dict[str, Any]:
+    """The colours of new values as a layer takes them; Viridis is one of napari's own colour maps."""
+    colors = field_colors(column, values)
+    colormap = {"name": colors.name, "colors": colors.palette} if colors.signed else "viridis"
+    return {"colormap": colormap, "contrast_limits": colors.limits}
+
+
+@contextmanager
+def _progress_bar(label: str, *, is_shown: bool) -> Iterator[Callable[[float], object] | None]:
+    """A bar in the window of napari, as a function that takes the share that is done."""
+    if not is_shown:
+        yield None
+        return
+    from napari.utils import progress
+
+    with progress(total=100, desc=f"Bezier filters: {label.lower()}") as bar:
+        yield lambda share: bar.update(round(100 * share) - bar.n)
 
 
 def _grown_metadata(fill: Fill, metadata: dict[str, Any]) -> dict[str, Values]:

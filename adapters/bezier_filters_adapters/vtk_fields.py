@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 from vtkmodules.util.numpy_support import numpy_to_vtk
 
-from bezier_filters.fields import AXES, NORMAL
+from bezier_filters.fields import AXES, NORMAL, NORMALS
 from bezier_filters_adapters.filled_fields import Values
+from bezier_filters_adapters.filters import FILL_HOLES
 
 
 def set_fields(data: Any, fields: Mapping[str, Values]) -> None:
@@ -21,3 +22,15 @@ def set_fields(data: Any, fields: Mapping[str, Values]) -> None:
         data.AddArray(array)
         if name == NORMAL:
             data.SetActiveNormals(name)
+
+
+def choose_scalars(data: Any, name: str, fields: Mapping[str, Values]) -> str | None:
+    """Make the first field of a filter the active scalars, which programs show; return its name if they are new.
+
+    Normals are seen in the shading, and filled meshes keep the scalars that they have.
+    """
+    if name == NORMALS or (name == FILL_HOLES and data.GetScalars() is not None):
+        return None
+    shown = next(iter(fields))
+    data.SetActiveScalars(shown)
+    return shown

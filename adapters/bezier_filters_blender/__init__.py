@@ -6,11 +6,12 @@ import bmesh
 import bpy
 import numpy as np
 
-from bezier_filters.fields import NORMAL, PREFIX, SMOOTH
+from bezier_filters.fields import NORMAL, NORMALS, PREFIX, SMOOTH
 from bezier_filters.parameters import Parameter
 from bezier_filters_adapters.filled_fields import NEW, Fill, Values
 from bezier_filters_adapters.filters import (
     ERRORS,
+    FILL_HOLES,
     HELP,
     LABELS,
     default_of,
@@ -18,6 +19,8 @@ from bezier_filters_adapters.filters import (
     parameters_of,
     run,
 )
+
+from .first_picture import show_field
 
 _NEW_FACES = f"{NEW}_face"
 # where attributes of a kind have their values, and the type of those
@@ -45,11 +48,20 @@ def _execute(self: Any, context: Any) -> set[str]:
     mesh.vertices.foreach_get("co", vertices.ravel())
     mesh.loop_triangles.foreach_get("vertices", faces.ravel())
     given = {parameter.name: getattr(self, parameter.name) for parameter in parameters_of(self.filter_name)}
+    context.window_manager.progress_begin(0, 100)  # at the cursor
     try:
-        result = run(self.filter_name, vertices, faces, given)
+        result = run(
+            self.filter_name,
+            vertices,
+            faces,
+            given,
+            lambda share: context.window_manager.progress_update(round(100 * share)),
+        )
     except ERRORS as error:
         self.report({"ERROR"}, str(error))
         return {"CANCELLED"}
+    finally:
+        context.window_manager.progress_end()
     if result.fill is not None:
         _add(mesh, result.fill)
     if self.filter_name == SMOOTH:
@@ -58,6 +70,10 @@ def _execute(self: Any, context: Any) -> set[str]:
         _set_attribute(mesh, name, "POINT", values)
     if NORMAL in result.fields:
         mesh.normals_split_custom_set_from_vertices(result.fields[NORMAL].tolist())
+    is_colored = self.filter_name == FILL_HOLES and len(mesh.color_attributes)  # whose colours new vertices have, too
+    if self.filter_name != NORMALS and not is_colored:
+        shown = next(iter(result.fields))
+        show_field(context, shown, result.fields[shown])
     mesh.update()
     self.report({"INFO"}, result.summary)
     if not np.allclose(context.object.matrix_world.to_scale(), 1.0):
@@ -84,7 +100,8 @@ def _attributes(mesh: Any, count: int) -> dict[str, Values]:
     """Attributes of the vertices that are numbers, and all of this package."""
     found = {}
     for item in mesh.attributes:
-        if item.domain != "POINT" or not (item.data_type == "FLOAT" or item.name.startswith(PREFIX)):
+        is_ours = item.name.startswith(PREFIX) and item.data_type in _SLOTS
+        if item.domain != "POINT" or not (item.data_type == "FLOAT" or is_ours):
             continue
         slot, dtype = _SLOTS[item.data_type]
         values = np.empty((count, 3) if item.data_type == "FLOAT_VECTOR" else count, dtype)

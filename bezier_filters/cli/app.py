@@ -145,6 +145,15 @@ Target = Annotated[
         callback=pipe_callback(".ply"),
     ),
 ]
+
+
+def choose_scheduler(address: str | None, path: Path | None) -> str | Path | None:
+    """The scheduler of --scheduler or --scheduler-file, which exclude each other."""
+    if address is not None and path is not None:
+        raise InvalidParameterError("scheduler: got --scheduler-file, too; give one of them")
+    return address if path is None else path
+
+
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Also replace the input, or a write-protected file.")]
 Percentile = Annotated[float, typer.Option(help="Percentage of values clipped at each end of the colours.")]
 ColorRange = Annotated[
@@ -283,8 +292,10 @@ _NAMES = {
     "maxperimeter": "max-perimeter",
     "maxdiameter": "max-diameter",
     "outerrims": "outer-rims",
+    "vertexcount": "vertex-count",
     "boltholes": "bolt-holes",
     "minstrength": "min-strength",
+    "texmap": "map",
     "maxerror": "max-error",
     "normalcurvature": "normal-curvature",
 }
@@ -306,6 +317,7 @@ _KINDS: dict[str, tuple[Any, Callable[[str], object] | None, str | None]] = {
     "float": (float, None, None),
     "str": (str, None, None),
     "path": (Path, None, None),
+    "location": (str, None, "FOLDER|URL"),
     "address": (str, None, "tcp://HOST:8786"),
     "(float, float)": (tuple[float, float], None, "LOW HIGH"),
     "(float, float, float)": (tuple[float, float, float], None, "X Y Z"),

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from bezier_filters.cli import console, filters
-from bezier_filters.cli.app import Json, Quiet, app
+from bezier_filters.cli.app import Json, Quiet, app, choose_scheduler
 from bezier_filters.cli.reading import file_remarks
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.parameters import PARAMETERS
@@ -49,7 +49,7 @@ def batch(
     command: Annotated[
         str,
         typer.Argument(
-            help="normals, curvature, torsion, smooth, fill-holes, replace, bridge, creases or lines.",
+            help="normals, curvature, torsion, smooth, fill-holes, replace, bridge, subdivide, remesh, creases, lines.",
             metavar="COMMAND",
         ),
     ],
@@ -67,6 +67,9 @@ def batch(
             help="Address of a Dask scheduler that sees the files under the same paths.", metavar="tcp://HOST:8786"
         ),
     ] = None,
+    scheduler_file: Annotated[
+        Path | None, typer.Option(help="File with the address, as written by dask scheduler --scheduler-file.")
+    ] = None,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
@@ -80,7 +83,7 @@ def batch(
     from bezier_filters.runtime.parallel import usable_threads
     from bezier_filters.runtime.worker_processes import run_in_processes
 
-    start = time.perf_counter()
+    start, chosen = time.perf_counter(), choose_scheduler(scheduler, scheduler_file)
     arguments = shlex.split(options)
     check_command(command, arguments)
     items = plan(find_files(sources), out, suffix, [] if redo else [command, *arguments])
@@ -91,12 +94,12 @@ def batch(
         Path(items[index].output).parent.mkdir(parents=True, exist_ok=True)
     stamps = {index: _stamp(items[index].input) for index in todo}
     work = [[command, *arguments, "--", *_absolute(items[index])] for index in todo]
-    if scheduler is None:
+    if chosen is None:
         run = run_in_processes(run_command, work, processes=processes, threads=max(1, cores // processes))
     else:
         from bezier_filters.scale.scheduling import run_on_scheduler
 
-        run = run_on_scheduler(work, scheduler, workers=processes)
+        run = run_on_scheduler(work, chosen, workers=processes)
     with console.stages(quiet=quiet or json) as stage, closing(run) as outcomes:
         progress = stage(f"{command}: {len(todo):,} files")
         try:

@@ -114,6 +114,8 @@ def print_tiles(report: Report) -> None:
         f"  {report['tiles']:,} tiles of {report['tile_vertices']:,} vertices{rounds}, {report['halo']:.0%} read "
         f"around them; {there:,} existed already; {report['peak_bytes']['worker'] / 1e9:.2f} GB per worker at most"
     )
+    dashboard = f", dashboard {report['dashboard']}" if report["dashboard"] else ""
+    out().print(f"  scheduler {report['scheduler']}{dashboard}", markup=False)
     if report["damaged_tiles"]:
         out().print(f"  damaged, and computed again: tiles {', '.join(map(str, report['damaged_tiles']))}")
 
@@ -259,6 +261,15 @@ def print_bridges(report: Report, source: str) -> None:
     )
 
 
+def print_remeshing(report: Report, source: str) -> None:
+    """Print how many vertices and faces there were and are."""
+    out().print(f"[bold]{escape(source)}[/]")
+    for name in ("vertices", "faces"):
+        out().print(f"  {report[f'old_{name}']:,} {name} before, {report[name]:,} after", markup=False)
+    if report["chord_error"] is not None:
+        out().print(f"  edges are within {report['chord_error']:.3g} of the surface", markup=False)
+
+
 def print_creases(report: Report, source: str) -> None:
     """Print number, length and strength of the lines of each kind."""
     out().print(f"[bold]{escape(source)}[/]")
@@ -276,6 +287,16 @@ def print_creases(report: Report, source: str) -> None:
     out().print(table)
     if not report["crest_lines_told"]:
         out().print("  ridges and ravines that are not sharp need patches of degree 3; these have 2")
+
+
+def print_texture(report: Report, source: str) -> None:
+    """Print what an image over the texture coordinates of a mesh shows."""
+    print_status(report, source)
+    scale = "" if report["scale"] is None else f", saturated at a radius of curvature of {report['scale']:.4g} (length)"
+    out().print(
+        f"  {report['texmap']} map of {report['size']:,} x {report['size']:,} texels, {report['bits']} bits, "
+        f"{report['covered']:.0%} in faces{scale}"
+    )
 
 
 def print_lines(report: Report, source: str) -> None:
@@ -335,10 +356,14 @@ def _numbers(report: Report) -> str:
         return f"{report['lines']:,} lines, {len(report['umbilics']):,} umbilics"
     if "closed_holes" in report:
         return f"{report['closed_holes']:,} holes filled, {report['open_holes']:,} left open"
+    if "old_faces" in report:
+        return f"{report['old_faces']:,} faces before, {report['faces']:,} after"
     if "bridged_pairs" in report:
         return f"{report['bridged_pairs']:,} pairs of holes joined, {report['open_pairs']:,} left open"
     if "replaced_patches" in report:
         return f"{report['replaced_patches']:,} patches replaced, {report['kept_patches']:,} left as they were"
+    if "texmap" in report:
+        return f"{report['texmap']} map, {report['covered']:.0%} of {report['size']:,} x {report['size']:,} texels"
     if "noise_before" in report:
         return _noise_change(report)
     if report.get("statistics"):

@@ -215,6 +215,35 @@ def bridge() -> None:
     """
 
 
+@filter_command(
+    "subdivide",
+    "meshing_surface_subdivision_by_bezier_patch",
+    verb="subdividing",
+    show=console.print_remeshing,
+)
+def subdivide() -> None:
+    """Make a mesh finer, with new vertices on the curved surface of its patches.
+
+    Every face becomes four, or only edges are split that are farther from the surface than a tolerance. Sharp edges
+    stay sharp. The vertices of a clean mesh stay; those of a noisy one move onto the surface, which is free of noise.
+
+    Example: bezier-filters subdivide scan.ply fine.ply --iterations 2
+    Example: bezier-filters subdivide scan.ply fine.ply --tolerance 0.01%
+    """
+
+
+@filter_command("remesh", "meshing_remeshing_by_bezier_patch", verb="remeshing", show=console.print_remeshing)
+def remesh() -> None:
+    """Make a new mesh of regular triangles whose vertices lie on the curved surface of its patches.
+
+    Edges have one length, or a length that follows from the curvature and a tolerance, which also decimates a mesh.
+    Sharp edges, borders and seams of textures stay, and the new vertices are free of noise.
+
+    Example: bezier-filters remesh scan.ply even.ply --vertex-count 20000
+    Example: bezier-filters remesh scan.ply light.ply --tolerance 0.05%
+    """
+
+
 @app.command(epilog="Example: bezier-filters creases scan.ply lines.ply --picture creases.png")
 @options(*PARAMETERS["creases"])
 def creases(

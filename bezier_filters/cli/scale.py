@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
@@ -15,7 +15,9 @@ from bezier_filters.cli.app import (
     Quiet,
     app,
     check_target,
+    choose_scheduler,
     end_with_remarks,
+    examples,
     options,
     parse_path,
     pipe_callback,
@@ -37,25 +39,36 @@ scale_app = typer.Typer(
 )
 app.add_typer(scale_app, name="scale")
 
+
+def parse_location(text: str) -> Path:
+    """Parse the name of a file; a URL stays a text, as paths have no double slashes."""
+    return cast(Path, text) if "://" in text else parse_path(text)
+
+
 BigSource = Annotated[
     Path,
     typer.Argument(
-        help="Binary PLY file of triangles, or an NPY file of vertices; - is the standard input.",
+        help="Binary PLY file of triangles, or an NPY file of vertices, or a URL; - is the standard input.",
         metavar="BIG.ply",
-        parser=parse_path,
+        parser=parse_location,
         callback=read_pipe,
     ),
 ]
 BigTarget = Annotated[
     Path,
     typer.Argument(
-        help="PLY file to write, or - for the standard output.",
+        help="PLY file or URL to write, or - for the standard output.",
         metavar="OUT.ply",
-        parser=parse_path,
+        parser=parse_location,
         callback=pipe_callback(".ply"),
     ),
 ]
-Faces = Annotated[Path | None, typer.Option(help="NPY file of the faces, if the input is one of the vertices.")]
+Faces = Annotated[
+    Path | None,
+    typer.Option(
+        help="NPY file of the faces, if the input is one of the vertices.", metavar="FACES.npy", parser=parse_location
+    ),
+]
 Columns = Annotated[list[str] | None, typer.Option("--column", help="Column to write; may be repeated.")]
 
 # differences from the filters in memory: lengths cannot be percentages
@@ -70,15 +83,17 @@ PAPER_FIT = [replace(p, default=_PAPER.get(p.name, p.default)) for p in TILE_FIT
 TILE_SMOOTHING = [replace(item, **_CHANGED.get(item.name, {})) for item in SMOOTHING if item.name not in _PAPER]
 TILES = parameters("""
 scheduler : address, optional
-    threads, processes, synchronous, or the address of a Dask scheduler; by default, processes are started here.
+    threads, processes, synchronous or an address; by default DASK_SCHEDULER_ADDRESS, else processes started here.
+scheduler_file : path, optional
+    File with the address, as written by dask scheduler --scheduler-file.
 workers : int, optional
     Processes on this machine; all cores by default.
 tile_vertices : int, optional
     Vertices of a tile; by default what memory allows.
 memory_limit : size, optional
     Memory of each worker that is started.
-store : path, optional
-    Folder for the tiles; OUT.ply.tiles by default, removed at the end.
+store : location, optional
+    Folder or URL for the tiles; OUT.ply.tiles by default, removed at the end.
 resume : switch, default False
     Continue an interrupted run, and compute only missing tiles.
 keep_store : switch, default False
@@ -86,7 +101,13 @@ keep_store : switch, default False
 """)
 
 
-@scale_app.command(epilog="Example: bezier-filters scale curvature statue.ply curved.ply --memory-limit 2GB")
+CURVATURE_EXAMPLES = (
+    "scale curvature statue.ply curved.ply --memory-limit 2GB",
+    "scale curvature statue.ply curved.ply --scheduler-file cluster.json --store s3://bucket/tiles",
+)
+
+
+@scale_app.command(epilog=examples(*CURVATURE_EXAMPLES))
 @options(QUALITY_IN_TILES, *TILE_FIT, *TILES)
 def curvature(
     source: BigSource,
@@ -102,8 +123,9 @@ def curvature(
     """Compute mean, Gaussian and principal curvatures and directions, with the values that the mesh has in memory."""
     from bezier_filters.scale import FitOptions, estimate_file
 
-    check_target(target, source, *filter(None, [faces]), overwrite=overwrite)
+    check_target(*(Path(path) for path in (target, source, faces) if path is not None), overwrite=overwrite)
     fit = FitOptions(**_pop_fit_options(given, TILE_FIT))
+    given["scheduler"] = choose_scheduler(given["scheduler"], given.pop("scheduler_file"))
     files = source if faces is None else (source, faces)
     with _resumable(quiet=quiet or json) as progress:
         report = estimate_file(files, target, columns=column, options=fit, progress=progress, **given)
@@ -129,8 +151,9 @@ def smooth(
     from bezier_filters.scale import FitOptions, smooth_file
     from bezier_filters.scale.smooth import PAPER_OPTIONS
 
-    check_target(target, source, *filter(None, [faces]), overwrite=overwrite)
+    check_target(*(Path(path) for path in (target, source, faces) if path is not None), overwrite=overwrite)
     fit = FitOptions(**_pop_fit_options(given, PAPER_FIT))
+    given["scheduler"] = choose_scheduler(given["scheduler"], given.pop("scheduler_file"))
     files = source if faces is None else (source, faces)
     with _resumable(quiet=quiet or json) as progress:
         paper = None if given["method"] == "auto" and fit == PAPER_OPTIONS else fit  # else it is refused
@@ -146,14 +169,20 @@ def _pop_fit_options(given: dict[str, Any], table: Iterable[Parameter]) -> dict[
 @contextmanager
 def _resumable(*, quiet: bool) -> Iterator[Callable[[str, int, int], None]]:
     """The progress bar of a run that can be interrupted and resumed."""
+    from bezier_filters.scale.run import DASHBOARD
+
     try:
         with console.stages(quiet=quiet) as stage:
-            bars: dict[str, Progress | None] = {}
+            bars, dashboard = dict[str, "Progress | None"](), ""
 
             def progress(name: str, done: int, total: int) -> None:
+                nonlocal dashboard
+                if name.startswith(DASHBOARD):
+                    dashboard = name.removeprefix(DASHBOARD)
+                    return
                 if name not in bars:
                     bars.clear()
-                    bars[name] = stage(name)
+                    bars[name] = stage(f"{name} {dashboard}".strip())
                 if (bar := bars[name]) is not None:
                     bar(done, total)
 

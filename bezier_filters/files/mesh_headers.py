@@ -88,7 +88,7 @@ class PlyHeader:
         return next((k for k, element in enumerate(self.elements) if element.name == "vertex"), -1)
 
 
-def parse_header(path: Path, head: bytes) -> PlyHeader:
+def parse_header(path: object, head: bytes) -> PlyHeader:
     """Header of the PLY file that begins with `head`; `FieldFileError` if it is damaged or longer."""
     if not head.startswith((b"ply\n", b"ply\r\n")):
         raise FieldFileError(f"{path} is neither a PLY nor an NPZ file: it starts with {head[:12]!r}")

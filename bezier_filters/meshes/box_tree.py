@@ -21,7 +21,7 @@ class BoxTree(NamedTuple):
 
 def box_tree(low: FloatArray, high: FloatArray) -> BoxTree:
     """Sort boxes with lowest and highest corners (b, 3) and bound them."""
-    order = _morton_order(0.5 * low + 0.5 * high)
+    order = morton_order(0.5 * low + 0.5 * high)
     low, high = low[order], high[order]
     first = np.arange(0, len(low), BOXES_PER_LEAF)
     leaves = 1 << (len(first) - 1).bit_length()
@@ -35,7 +35,7 @@ def box_tree(low: FloatArray, high: FloatArray) -> BoxTree:
     return BoxTree(low, high, order, node_low, node_high)
 
 
-def _morton_order(points: FloatArray) -> IntArray:
+def morton_order(points: FloatArray) -> IntArray:
     """Order of points (n, 3) along the Morton curve, (n,); the identity for few points."""
     if len(points) <= BOXES_PER_LEAF:
         return np.arange(len(points), dtype=np.int32)

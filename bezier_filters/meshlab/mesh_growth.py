@@ -32,7 +32,7 @@ from bezier_filters.meshlab.mesh_attributes import (
 from bezier_filters.meshlab.meshset import BezierFilterError, Image, Mesh, MeshSet, current_mesh
 from bezier_filters.runtime.atomic import temporary_folder
 
-_TEXTURE = "TextureFile "
+TEXTURE_COMMENT = "TextureFile "
 _REMOVED, _SELECTED = "bz_removed", "bz_selected"  # attributes of a copy, for expressions that select
 
 
@@ -76,7 +76,7 @@ def grow_mesh(ms: MeshSet, growth: MeshGrowth, *, select: bool) -> tuple[list[st
     old = current_mesh(ms)
     wanted, label, transform = old.id(), old.label(), np.array(old.transform_matrix())
     attributes, lost = read_attributes(ms)
-    with _undo_on_failure(ms):
+    with undo_on_failure(ms):
         ms.generate_copy_of_current_mesh()
         copy = ms.current_mesh_id()
         for layer in list(ms):
@@ -120,7 +120,7 @@ def grow_mesh(ms: MeshSet, growth: MeshGrowth, *, select: bool) -> tuple[list[st
 
 
 @contextmanager
-def _undo_on_failure(ms: MeshSet) -> Iterator[None]:
+def undo_on_failure(ms: MeshSet) -> Iterator[None]:
     """Preserve the visibility of layers; if the block fails, also delete its layers and restore the current one."""
     before = {layer.id(): layer.is_visible() for layer in ms}
     current = ms.current_mesh_id()
@@ -230,7 +230,7 @@ def textures_of(ms: MeshSet) -> tuple[list[str], IntArray]:
         )
         data = path.read_bytes()
     header = data[: data.index(b"end_header")].decode(errors="replace").splitlines()
-    comment = f"comment {_TEXTURE}"
+    comment = f"comment {TEXTURE_COMMENT}"
     names = [line.removeprefix(comment) for line in header if line.startswith(comment)]
     # The faces are the last element of the file, their numbers the last of a row.
     row = np.dtype([("corners", "V13"), ("coordinates", "V25"), ("number", "<i4")])
@@ -261,11 +261,11 @@ def _load_patch(ms: MeshSet, old: Mesh, patch: Mesh, texture: _PatchTexture | No
     if old.has_face_scalar():
         faces["double quality"] = patch.face_scalar_array()
     pictures = {} if texture is None else texture.pictures
-    text = ply_text({"vertex": vertices, "face": faces}, [f"{_TEXTURE}{name}" for name in pictures])
+    text = ply_text({"vertex": vertices, "face": faces}, [f"{TEXTURE_COMMENT}{name}" for name in pictures])
     with temporary_folder() as folder:
         path = folder / "patch.ply"
         path.write_text(text, encoding="utf-8")
-        if not all(_save_picture(folder, name, picture) for name, picture in pictures.items()):
+        if not all(save_picture(folder, name, picture) for name, picture in pictures.items()):
             return False
         ms.load_new_mesh(str(path))
     if set(current_mesh(ms).textures()) == set(pictures):
@@ -274,7 +274,7 @@ def _load_patch(ms: MeshSet, old: Mesh, patch: Mesh, texture: _PatchTexture | No
     return False
 
 
-def _save_picture(folder: Path, name: str, picture: Image) -> bool:
+def save_picture(folder: Path, name: str, picture: Image) -> bool:
     """Write a texture under its name; readers detect the format from the content."""
     target = (folder / name).resolve()
     if folder.resolve() not in target.parents:

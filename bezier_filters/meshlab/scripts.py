@@ -31,7 +31,10 @@ from bezier_filters.meshlab.meshset import (
     filter_list,
     former_filter_names,
 )
+from bezier_filters.meshlab.remeshing_filter import meshing_remeshing_by_bezier_patch
 from bezier_filters.meshlab.replacement_filter import meshing_replace_selection_by_bezier_patch
+from bezier_filters.meshlab.subdivision_filter import meshing_surface_subdivision_by_bezier_patch
+from bezier_filters.meshlab.texture_filter import compute_texmap_by_bezier_patch
 from bezier_filters.meshlab.vertex_filters import (
     apply_coord_bezier_patch_smoothing,
     compute_curvature_by_bezier_patch_per_vertex,
@@ -51,6 +54,9 @@ FILTERS: tuple[Callable[..., Report], ...] = (
     generate_polyline_by_bezier_patch_direction,
     meshing_replace_selection_by_bezier_patch,
     meshing_bridge_holes_by_bezier_patch,
+    compute_texmap_by_bezier_patch,
+    meshing_surface_subdivision_by_bezier_patch,
+    meshing_remeshing_by_bezier_patch,
 )
 OURS = {function.__name__: function for function in FILTERS}
 

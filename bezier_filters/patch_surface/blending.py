@@ -25,7 +25,7 @@ from bezier_filters.runtime.jit import inner_jit
 
 NEWTON_STEPS = 12  # at most; heights along a ray need two or three
 HEIGHT_ACCURACY = 1e-12  # least step towards the surface, in sizes of the face
-MIN_SLOPE = 0.05  # least derivative of f along a ray; below it the ray grazes the surface, and there is no position
+MIN_RAY_SLOPE = 0.05  # least derivative of f along a ray; below it the ray grazes the surface, and there is no position
 # columns of the scratch array of a thread
 X, T, NORMAL, SLOPE, FORM, WEIGHTS, GRADIENTS, JETS, LOCAL = 0, 3, 4, 7, 8, 14, 17, 26, 56
 RAY, SIZE = LOCAL + JET, LOCAL + JET + 3
@@ -80,7 +80,7 @@ def approach_surface(surface: SurfaceArrays, f: int, a: float, b: float, work: F
     for axis in range(3):
         slope += work[RAY + axis] * work[NORMAL + axis]
     slope *= work[SLOPE]
-    if not slope > MIN_SLOPE * ray:
+    if not slope > MIN_RAY_SLOPE * ray:
         return np.inf
     step = value / slope
     for axis in range(3):

@@ -38,19 +38,19 @@ def nearest_face(
     while height > 0:
         height -= 1
         node = stack[height]
-        if not _squared_distance(tree.node_low, tree.node_high, node, x, y, z) < squared:
+        if not _box_distance(tree.node_low, tree.node_high, node, x, y, z) < squared:
             continue
         if node < leaves:
             left, right = 2 * node, 2 * node + 1
-            of_left = _squared_distance(tree.node_low, tree.node_high, left, x, y, z)
-            if of_left > _squared_distance(tree.node_low, tree.node_high, right, x, y, z):
+            of_left = _box_distance(tree.node_low, tree.node_high, left, x, y, z)
+            if of_left > _box_distance(tree.node_low, tree.node_high, right, x, y, z):
                 left, right = right, left
             stack[height], stack[height + 1] = right, left  # the nearer one first
             height += 2
             continue
         begin = (node - leaves) * BOXES_PER_LEAF
         for k in range(begin, min(begin + BOXES_PER_LEAF, count)):
-            if _squared_distance(tree.low, tree.high, k, x, y, z) < squared:
+            if _box_distance(tree.low, tree.high, k, x, y, z) < squared:
                 found = nearest_on_face(vertices, faces, tree.row[k], x, y, z, place[PLACE_SIZE:])
                 if found < squared:
                     best, squared = tree.row[k], found
@@ -60,7 +60,7 @@ def nearest_face(
 
 
 @inner_jit()
-def _squared_distance(low: FloatArray, high: FloatArray, k: int, x: float, y: float, z: float) -> float:
+def _box_distance(low: FloatArray, high: FloatArray, k: int, x: float, y: float, z: float) -> float:
     """Squared distance from a point to box k; infinite for an empty one."""
     dx = max(low[k, 0] - x, x - high[k, 0], 0.0)
     dy = max(low[k, 1] - y, y - high[k, 1], 0.0)

@@ -22,14 +22,16 @@ from bezier_filters.patch_surface.nearest_face import COORDINATE_1, COORDINATE_2
 from bezier_filters.runtime.jit import inner_jit, jit
 from bezier_filters.runtime.parallel import RangeTask
 
-# Newton steps and changes of the face for one point, most need four to six; later steps are halved, which ends cycles
-MAX_MOVES, DAMPED_MOVES = 48, 10
+MAX_MOVES = 48  # Newton steps, shorter ones and changes of the face for one point; most need four to six
+# A step that leads farther away is halved while it is longer than this, in barycentric coordinates, if the next one
+# towards the surface is at most this part of the size of the face.
+MIN_SHORTENED, MAX_RISE = 1e-3, 0.1
 PROJECTION_ACCURACY = (
     1e-8  # least step in barycentric coordinates and sizes of the face; errors of distances: its square
 )
 ON_EDGE = 1e-14  # barycentric coordinate up to which a place is on an edge: rounding errors
-MIN_PIVOT = 1e-3  # least determinant of Newton's matrix over that of its positive part
-TANGENTS, WORK_SIZE = SIZE, SIZE + 6  # columns of the scratch array of a thread
+MIN_NEWTON_RATIO = 1e-3  # least determinant of Newton's matrix over that of its positive part
+TANGENTS, RATES, WORK_SIZE = SIZE, SIZE + 6, SIZE + 8  # columns of the scratch array of a thread
 # Outcomes of a query, see `PlaceStatus`
 ON_SURFACE, AT_BORDER, NOT_CONVERGED, ON_FACE, NO_PLACE = 0, 1, 2, 3, 4
 
@@ -47,12 +49,14 @@ class Places(NamedTuple):
     outcome: ByteArray  # (q,)
 
 
-def projection_task(surface: SurfaceArrays, tree: BoxTree, queries: FloatArray, places: Places) -> RangeTask:
-    """Task for one thread: find the places nearest to queries[start:stop]."""
+def projection_task(
+    surface: SurfaceArrays, tree: BoxTree, queries: FloatArray, order: IntArray, places: Places
+) -> RangeTask:
+    """Task for one thread: find the places nearest to queries[order[start:stop]]."""
     work, stack, place = np.empty(WORK_SIZE), np.empty(STACK_SIZE, np.int32), np.empty(2 * PLACE_SIZE)
 
     def run(start: int, stop: int) -> None:
-        project_points(surface, tree, queries, start, stop, work, stack, place, places)
+        project_points(surface, tree, queries, order, start, stop, work, stack, place, places)
 
     return run
 
@@ -81,6 +85,7 @@ def project_points(
     surface: SurfaceArrays,
     tree: BoxTree,
     queries: FloatArray,
+    order: IntArray,
     start: int,
     stop: int,
     work: FloatArray,
@@ -88,9 +93,9 @@ def project_points(
     place: FloatArray,
     places: Places,
 ) -> None:
-    """Find the places nearest to queries[start:stop]."""
+    """Find the places nearest to queries[order[start:stop]]."""
     guess = -1
-    for q in range(start, stop):
+    for q in order[start:stop]:
         x, y, z = queries[q, 0], queries[q, 1], queries[q, 2]
         guess = nearest_face(surface.vertices, surface.faces, tree, x, y, z, guess, stack, place)
         if guess < 0:
@@ -111,21 +116,32 @@ def descend(
     """
     previous = -1
     work[T] = 0.0
-    for move in range(MAX_MOVES):
+    # the last accepted place, its squared distance, and the step from there, in parts
+    at_f, at_a, at_b, at_t, least, taken_a, taken_b, part = f, a, b, 0.0, np.inf, 0.0, 0.0, 1.0
+    rate_a = rate_b = at_g1 = at_g2 = 0.0
+    for _ in range(MAX_MOVES):
         rise = approach_surface(surface, f, a, b, work)
         if not rise < np.inf:
             return f, a, b, ON_FACE
+        squared = (x - work[X]) ** 2 + (y - work[X + 1]) ** 2 + (z - work[X + 2]) ** 2
+        if squared > least and rise < MAX_RISE and part * max(abs(taken_a), abs(taken_b)) > MIN_SHORTENED:
+            part *= 0.5
+            f, previous = at_f, -1
+            a, b = _move(at_a, at_b, part * taken_a, part * taken_b)
+            work[T] = at_t + (a - at_a) * rate_a + (b - at_b) * rate_b
+            continue
         g1, g2, h11, h12, h22 = _derivatives(surface, f, a, b, x, y, z, work)
+        if f == at_f and rise < MAX_RISE:
+            h11, h12, h22 = _match_step(h11, h12, h22, a - at_a, b - at_b, at_g1 - g1, at_g2 - g2)
+        at_f, at_a, at_b, at_t, taken_a, taken_b, part = f, a, b, work[T], 0.0, 0.0, 1.0
+        at_g1, at_g2, least = g1, g2, squared if rise < MAX_RISE else np.inf
         determinant = h11 * h22 - h12 * h12
         if not determinant > 0.0:
             return f, a, b, NOT_CONVERGED
         step_a, step_b = (h22 * g1 - h12 * g2) / determinant, (h11 * g2 - h12 * g1) / determinant
         if max(abs(step_a), abs(step_b), rise) < PROJECTION_ACCURACY:
             return f, a, b, ON_SURFACE
-        if move >= DAMPED_MOVES:
-            step_a, step_b = 0.5 * step_a, 0.5 * step_b
         edge = _edge_left(a, b, step_a, step_b, -1)
-        stays = False
         if edge >= 0:
             other = surface.neighbours[f, (edge + 1) % 3]
             if other >= 0 and other != previous:
@@ -135,8 +151,7 @@ def descend(
             # along the edge, from corner edge + 1 to the next
             u1 = -1.0 if edge == 0 else 0.0 if edge == 1 else 1.0
             u2 = 1.0 if edge == 0 else -1.0 if edge == 1 else 0.0
-            curvature = h11 * u1 * u1 + 2.0 * h12 * u1 * u2 + h22 * u2 * u2
-            along = (g1 * u1 + g2 * u2) / curvature
+            along = (g1 * u1 + g2 * u2) / (h11 * u1 * u1 + 2.0 * h12 * u1 * u2 + h22 * u2 * u2)
             if max(abs(along), rise) < PROJECTION_ACCURACY:
                 return f, a, b, ON_SURFACE if other >= 0 else AT_BORDER
             step_a, step_b = along * u1, along * u2
@@ -148,10 +163,11 @@ def descend(
                 previous = f
                 f, a, b = _enter(surface, f, other, a, b)
                 continue
-            stays = True
-        a, b = _move(a, b, step_a, step_b)
-        if not stays:
+        else:
             previous = -1
+        taken_a, taken_b, rate_a, rate_b = step_a, step_b, work[RATES], work[RATES + 1]
+        a, b = _move(a, b, step_a, step_b)
+        work[T] = at_t + (a - at_a) * rate_a + (b - at_b) * rate_b
     return f, a, b, NOT_CONVERGED
 
 
@@ -184,13 +200,33 @@ def _derivatives(
         tangent[axis], tangent[3 + axis] = s1, s2
         j11, j12, j22 = j11 + s1 * s1, j12 + s1 * s2, j22 + s2 * s2
         g1, g2, height = g1 + s1 * residual, g2 + s2 * residual, height + work[NORMAL + axis] * residual
+    work[RATES], work[RATES + 1] = -rise1 / ray, -rise2 / ray  # of the height T along the surface
     form = work[FORM : FORM + 6]
     h11 = j11 + height * _form(form, tangent[:3], tangent[:3])
     h12 = j12 + height * _form(form, tangent[:3], tangent[3:])
     h22 = j22 + height * _form(form, tangent[3:], tangent[3:])
-    if h11 > 0.0 and h11 * h22 - h12 * h12 > MIN_PIVOT * (j11 * j22 - j12 * j12):
+    if h11 > 0.0 and h11 * h22 - h12 * h12 > MIN_NEWTON_RATIO * (j11 * j22 - j12 * j12):
         return g1, g2, h11, h12, h22
     return g1, g2, j11, j12, j22
+
+
+@inner_jit()
+def _match_step(
+    h11: float, h12: float, h22: float, s1: float, s2: float, y1: float, y2: float
+) -> tuple[float, float, float]:
+    """The matrix H updated by BFGS so that it maps the last step s to the change y of the gradient, if s'y > 0.
+
+    The blended surface bends more between patches that differ than they do, which `_derivatives` does not see.
+    """
+    v1, v2, along = h11 * s1 + h12 * s2, h12 * s1 + h22 * s2, y1 * s1 + y2 * s2
+    before = s1 * v1 + s2 * v2
+    if not (along > MIN_NEWTON_RATIO * before and before > 0.0):
+        return h11, h12, h22
+    return (
+        h11 + y1 * y1 / along - v1 * v1 / before,
+        h12 + y1 * y2 / along - v1 * v2 / before,
+        h22 + y2 * y2 / along - v2 * v2 / before,
+    )
 
 
 @inner_jit()
@@ -203,13 +239,13 @@ def _form(form: FloatArray, u: FloatArray, v: FloatArray) -> float:
 
 
 @inner_jit()
-def _edge_left(a: float, b: float, step_a: float, step_b: float, besides: int) -> int:
+def _edge_left(a: float, b: float, step_a: float, step_b: float, except_edge: int) -> int:
     """The edge, by its opposite corner, that a place is on and that a step leaves the face across; -1 if none."""
     edge, most = -1, 0.0
     for m in range(3):
         coordinate = a if m == 1 else b if m == 2 else 1.0 - a - b
         step = step_a if m == 1 else step_b if m == 2 else -step_a - step_b
-        if m != besides and coordinate <= ON_EDGE and step < most:
+        if m != except_edge and coordinate <= ON_EDGE and step < most:
             edge, most = m, step
     return edge
 

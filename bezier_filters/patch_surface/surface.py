@@ -12,13 +12,15 @@ from bezier_filters.differential_geometry import DerivedCurvatures
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
 from bezier_filters.estimation.estimate import estimate_patches, estimate_vertex_geometry
 from bezier_filters.feature_lines.crease_lines import find_sharp_edges
+from bezier_filters.fitting.noise_level import is_noisy
 from bezier_filters.fitting.patch_geometry import PatchGeometry
+from bezier_filters.fitting.vertex_geometry import VertexGeometry
 from bezier_filters.kernels.kernel_input import PATCH_DEGREE, PATCH_ORIGIN, PATCH_SQUARE
-from bezier_filters.meshes.box_tree import BoxTree
-from bezier_filters.meshes.half_edges import half_edge_twins
+from bezier_filters.meshes.box_tree import BoxTree, morton_order
+from bezier_filters.meshes.half_edges import distinct_edges, half_edge_twins
 from bezier_filters.meshes.mesh import TriangleMesh, takes_meshes, triangle_mesh
 from bezier_filters.meshes.mesh_objects import MeshLike
-from bezier_filters.meshes.prepared_mesh import prepare_mesh
+from bezier_filters.meshes.prepared_mesh import PreparedMesh, prepare_mesh
 from bezier_filters.meshes.unit_size import CURVATURE, LENGTH, SQUARED_CURVATURE, rescale, size_exponent
 from bezier_filters.patch_surface.blending import SurfaceArrays
 from bezier_filters.patch_surface.cut_mesh import CutMesh, cut_mesh
@@ -27,6 +29,10 @@ from bezier_filters.patch_surface.projection import NO_PLACE, Places, evaluation
 from bezier_filters.runtime.cached_property import cached_property
 from bezier_filters.runtime.parallel import Progress, run_in_chunks, runs_on_threads, use_threads
 from bezier_filters.surface_model.fit_options import FitOptions, check_noise
+
+# Correlation of residuals at neighbours above which they are no noise. White noise leaves -0.3 to 0; without noise,
+# tori, ellipsoids and stars of 500 to 20,000 vertices have 0.13 to 0.91.
+MIN_SHARED_RESIDUAL = 0.1
 
 
 @dataclass(frozen=True, repr=False)
@@ -55,7 +61,7 @@ class SurfacePoints(DerivedCurvatures):
     coordinates : (q, 2) float64
         Barycentric coordinates of the second and third corner of the face.
     outcome : (q,) int8
-        0 for the nearest place; 1 where that is on the border, so that the query is beside the surface; 2 where
+        0 for the nearest place; 1 where that is on the border, so that the query is not over the surface; 2 where
         Newton's method did not converge; 3 where the face has no patches, or they fold, and the place is on the face.
     mean_curvature, gaussian_curvature, geodesic_torsion : (q,) float64
         Derived from `k_min` and `k_max`.
@@ -101,7 +107,9 @@ class Surface:
     geometry: PatchGeometry
     exponent: int = 0
 
-    def at(self, points: ArrayLike, *, threads: int | None = None, progress: Progress | None = None) -> SurfacePoints:
+    def query(
+        self, points: ArrayLike, *, threads: int | None = None, progress: Progress | None = None
+    ) -> SurfacePoints:
         """Find the nearest places on the surface to points (q, 3); see `surface_at`."""
         try:
             queries = real_array(points)
@@ -109,15 +117,15 @@ class Surface:
             raise InvalidParameterError(f"points: expected real numbers of shape (q, 3); {error}") from None
         if queries.ndim != 2 or queries.shape[1] != 3 or not np.isfinite(queries).all():
             raise InvalidParameterError(f"points: got shape {queries.shape}, expected finite numbers of shape (q, 3)")
-        queries = np.ldexp(queries, -self.exponent)
-        places = empty_places(len(queries))
+        queries, places = np.ldexp(queries, -self.exponent), empty_places(len(queries))
+        order = morton_order(queries)  # points that are near each other need the same patches
         with use_threads(threads):
             run_in_chunks(
-                lambda: projection_task(self.arrays, self.tree, queries, places), len(queries), progress=progress
+                lambda: projection_task(self.arrays, self.tree, queries, order, places), len(queries), progress=progress
             )
         return self._result(places, np.einsum("ij,ij->i", queries - places.points, places.normals))
 
-    def over(
+    def evaluate(
         self,
         faces: ArrayLike,
         coordinates: ArrayLike,
@@ -211,6 +219,9 @@ def fit_surface(
     see `bezier_filters.patch_surface.blending`. Sharp edges stay sharp: the mesh is cut along them, and each side has
     patches of its own, which meet to within their errors. The surface ends over the border of the mesh.
 
+    Without noise the surface passes through the vertices. Coarse meshes without noise leave residuals that look like a
+    little of it, but neighbours share them; where no edge is sharp, the patches are then fitted without noise.
+
     Parameters
     ----------
     vertices : (n, 3) array_like of float, or mesh object
@@ -218,7 +229,8 @@ def fit_surface(
     faces : (m, 3) array_like of int
         Triangles, counter-clockwise seen from outside.
     noise : float, optional
-        Standard deviation of the noise along the normal, a length, if it is known; 0 for none.
+        Standard deviation of the noise along the normal, a length, if it is known; 0 for none. By default it is
+        estimated.
     threads : int, optional
         Number of threads; by default BEZIER_FILTERS_THREADS or all usable cores. The result does not depend on it.
     progress : callable, optional
@@ -242,7 +254,7 @@ def fit_surface(
     >>> from bezier_filters.surfaces import sphere
     >>> ball = sphere(radius=2.0)
     >>> surface = fit_surface(ball.vertices, ball.faces)
-    >>> found = surface.at([[3.0, 1.0, 0.0], [0.0, 0.0, 1.5]])
+    >>> found = surface.query([[3.0, 1.0, 0.0], [0.0, 0.0, 1.5]])
     >>> found.distances.round(3), found.mean_curvature.round(3)
     (array([ 1.162, -0.5  ]), array([0.5, 0.5]))
     """
@@ -254,6 +266,8 @@ def fit_surface(
     options = FitOptions(noise=None if noise is None else float(np.ldexp(noise, -exponent)))
     geometry = estimate_vertex_geometry(mesh.vertices, mesh.faces, noise=options.noise, progress=progress)
     edges, is_sharp, _ = find_sharp_edges(mesh, geometry)
+    if noise is None and not is_sharp.any() and _has_shared_residuals(mesh, geometry):
+        options = FitOptions(noise=0.0)  # at sharp edges, points on one side alone would be interpolated wildly
     cut = cut_mesh(mesh.vertices, mesh.faces, edges.vertices[is_sharp])
     patches = estimate_patches(triangle_mesh(cut.vertices, cut.faces), options, progress)
     return Surface(TriangleMesh(mesh.vertices, mesh.faces), cut, patches, exponent)
@@ -298,7 +312,17 @@ def surface_at(
     >>> bool(abs(found.distances[0] - (np.hypot(2.5, 0.5) - 2.0)) < 1e-4), found.k_max.round(2), found.k_min.round(2)
     (True, array([0.5]), array([0.]))
     """
-    return fit_surface(vertices, faces, noise=noise, threads=threads, progress=progress).at(points, threads=threads)
+    return fit_surface(vertices, faces, noise=noise, threads=threads, progress=progress).query(points, threads=threads)
+
+
+def _has_shared_residuals(mesh: PreparedMesh, geometry: VertexGeometry) -> bool:
+    """Whether the little noise that was found is the error of the patches: their residuals at neighbours agree."""
+    sigma = geometry.noise_sigma
+    if not sigma or geometry.fit.noise_length or is_noisy(mesh, sigma):
+        return False
+    residuals = np.einsum("ij,ij->i", geometry.displacements, geometry.normals)
+    ends = residuals[distinct_edges(mesh.faces, mesh.vertex_count)[0]]
+    return bool(np.mean(ends[:, 0] * ends[:, 1]) > MIN_SHARED_RESIDUAL * np.mean(np.square(ends)))
 
 
 def _complete_patches(geometry: PatchGeometry, vertices: FloatArray) -> FloatArray:

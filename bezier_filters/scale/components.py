@@ -11,6 +11,7 @@ from bezier_filters.arrays import IntArray
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.scale.array_file import ArrayFile, Values, save_array
 from bezier_filters.scale.halo import TilePart
+from bezier_filters.scale.remote import write_file
 from bezier_filters.scale.store import Store
 from bezier_filters.scale.tiles import Tile
 from bezier_filters.smoothing.volume import ClosedComponents
@@ -32,10 +33,10 @@ class StoredComponents:
 
     def select(self, ids: IntArray) -> tuple[ClosedComponents, IntArray]:
         """Components of some vertices, and their numbers in the whole mesh."""
-        numbers = self.of_vertex.memory_map()[ids]
+        numbers = self.of_vertex.take(ids)
         there = np.unique(numbers[numbers >= 0])
         local = np.where(numbers >= 0, np.searchsorted(there, numbers), -1).astype(np.int32)
-        return ClosedComponents(local, np.array(self.origins.memory_map()[there])), there
+        return ClosedComponents(local, self.origins.take(there)), there
 
 
 def label_vertices(part: TilePart, adjacency: Adjacency) -> Values:
@@ -53,30 +54,32 @@ def label_vertices(part: TilePart, adjacency: Adjacency) -> Values:
 def merge_components(store: Store, tiles: Sequence[Tile]) -> StoredComponents | None:
     """Closed components of a mesh, from `label_vertices` of all tiles in order; None if there are none."""
     n = store.layout.vertex_count
-    result = ArrayFile(store.folder / "components.bin", np.dtype(np.int32), n).allocate()
-    nodes, ranges = result.memory_map("r+"), [store.layout.tile(tile) for tile in range(len(tiles))]
-    open_nodes, links, count = [], [], 0
-    for (start, stop), tile in zip(ranges, tiles, strict=True):
-        rows = np.array(tile.rows())
-        rows["label"] += count
-        own, around = rows[: stop - start], rows[stop - start :]
-        nodes[start:stop] = own["label"]
-        open_nodes.append(np.unique(own["label"][own["open"]]))
-        links.append(around[["vertex", "label"]])
-        count = int(rows["label"].max(initial=count - 1)) + 1
-    there, here = (np.concatenate([link[name] for link in links]) for name in ("vertex", "label"))
-    graph = csr_array((np.ones(len(here), np.int8), (here, nodes[there])), shape=(count, count))
-    total, component = connected_components(graph, directed=False)
-    is_closed = np.ones(total, dtype=np.bool_)
-    is_closed[component[np.concatenate(open_nodes)]] = False
-    number = np.where(is_closed, np.cumsum(is_closed) - 1, -1).astype(np.int32)[component]
-    if not is_closed.any():
+    path, ranges = store.folder / "components.bin", [store.layout.tile(tile) for tile in range(len(tiles))]
+    with write_file(path) as temporary:
+        nodes = ArrayFile(temporary, np.dtype(np.int32), n).allocate().memory_map("r+")
+        open_nodes, links, count = [], [], 0
+        for (start, stop), tile in zip(ranges, tiles, strict=True):
+            rows = np.array(tile.rows())
+            rows["label"] += count
+            own, around = rows[: stop - start], rows[stop - start :]
+            nodes[start:stop] = own["label"]
+            open_nodes.append(np.unique(own["label"][own["open"]]))
+            links.append(around[["vertex", "label"]])
+            count = int(rows["label"].max(initial=count - 1)) + 1
+        there, here = (np.concatenate([link[name] for link in links]) for name in ("vertex", "label"))
+        graph = csr_array((np.ones(len(here), np.int8), (here, nodes[there])), shape=(count, count))
+        total, component = connected_components(graph, directed=False)
+        is_closed = np.ones(total, dtype=np.bool_)
+        is_closed[component[np.concatenate(open_nodes)]] = False
+        number = np.where(is_closed, np.cumsum(is_closed) - 1, -1).astype(np.int32)[component]
+        firsts = np.empty(int(is_closed.sum()), dtype=np.int32)
+        for start, stop in reversed(ranges):
+            numbers = number[nodes[start:stop]]
+            nodes[start:stop] = numbers
+            closed = np.flatnonzero(numbers >= 0)[::-1]
+            firsts[numbers[closed]] = start + closed
+        del nodes  # before the file is renamed
+    if not len(firsts):
         return None
-    firsts = np.empty(int(is_closed.sum()), dtype=np.int64)
-    for start, stop in reversed(ranges):
-        numbers = number[nodes[start:stop]]
-        nodes[start:stop] = numbers
-        closed = np.flatnonzero(numbers >= 0)[::-1]
-        firsts[numbers[closed]] = start + closed
-    origins = store.vertices.memory_map()[firsts].astype(np.float64)
-    return StoredComponents(result, save_array(store.folder / "origins.bin", origins))
+    origins = store.vertices.take(firsts).astype(np.float64)
+    return StoredComponents(ArrayFile(path, np.dtype(np.int32), n), save_array(store.folder / "origins.bin", origins))

@@ -23,10 +23,10 @@ from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.prepared_mesh import prepare_mesh
 from bezier_filters.runtime.parallel import single_threaded_blas
 from bezier_filters.scale.array_file import Values
+from bezier_filters.scale.clients import Scheduler
 from bezier_filters.scale.halo import TilePart, tile_part
 from bezier_filters.scale.learn import check_tile_options, learn_fit, mesh_to_fit, rings_needed
 from bezier_filters.scale.run import Round, RunOptions, StageProgress, file_run
-from bezier_filters.scale.scheduling import Scheduler, dashboard
 from bezier_filters.scale.source import SourcePath, open_source
 from bezier_filters.scale.store import Store
 from bezier_filters.scale.tiles import TileReport, table_of
@@ -83,9 +83,11 @@ def estimate_file(
     options : FitOptions, optional
         How to fit.
     scheduler : optional
-        "threads", "processes", "synchronous", the address of a Dask scheduler, or a `distributed.Client`; by
-        default, processes of this machine are started, and ended when all is done. All workers must see the store
-        under the same path.
+        A `distributed.Client`, a cluster (`LocalCluster`, `SLURMCluster`, ...), the address of a scheduler
+        ("tcp://host:8786"), the path of its file ("scheduler.json"), or "threads", "processes" or "synchronous". By
+        default what Dask would use: the current client, or the scheduler of DASK_SCHEDULER_ADDRESS; without any,
+        processes of this machine are started, and ended when all is done. Clients and clusters stay open. All workers
+        must see the store under the same path.
     workers : int, optional
         Processes or threads on this machine; all cores by default.
     tile_vertices : int, optional
@@ -105,8 +107,9 @@ def estimate_file(
     Returns
     -------
     dict
-        Report: the choice of the fit, status counts, tiles, seconds and the most memory of any process; ``warnings``
-        (texts: why most vertices have no curvature) and ``remarks`` (texts on orientation).
+        Report: the choice of the fit, status counts, tiles, seconds and the most memory of any process; ``scheduler``
+        and ``dashboard`` (addresses, or the name of a local scheduler and None); ``warnings`` (texts: why most
+        vertices have no curvature) and ``remarks`` (texts on orientation).
 
     Raises
     ------
@@ -148,10 +151,8 @@ def estimate_file(
     with file_run(opened, target, how, row_size=row_size, in_store=row_size) as run:
         with run.stages.stage("learn"):
             fit = learn_fit(run.store, options)
-        with run.stages.stage("start"):
-            link = dashboard(run.cluster.ready())
         job = partial(estimate_tile, run.store, fit, chosen_quality, chosen)
-        done = run.tiles("fit", run.results(parameters), job, link)
+        done = run.tiles("fit", run.results(parameters), job)
         run.write(done.tiles)
     status = {status: int(k) for status, k in zip(FitStatus, done.sums("status"), strict=True) if k}
     return run.report() | {
@@ -163,7 +164,6 @@ def estimate_file(
         "warnings": _status_warnings(status),
         "remarks": _orientation_remarks(done, sum(status.values())),
         "halo_rings": rings_needed(fit),
-        "dashboard": link or None,
     }
 
 

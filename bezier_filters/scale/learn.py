@@ -221,4 +221,4 @@ def _grow_from_seed(store: Store, seed: int) -> IntArray:
 
 def _ranks(store: Store, numbers: IntArray) -> IntArray:
     """Positions in the store of vertices of the source."""
-    return np.array(store.rank.memory_map()[numbers], dtype=np.int32)
+    return store.rank.take(numbers)

@@ -19,9 +19,11 @@ import numpy as np
 from bezier_filters._version import __version__
 from bezier_filters.arrays import FloatArray, Report
 from bezier_filters.errors import InvalidParameterError, is_integer
-from bezier_filters.runtime.parallel import Progress, thread_count, use_threads
+from bezier_filters.runtime.parallel import Progress, report, thread_count, use_threads
 from bezier_filters.scale.array_file import Values
-from bezier_filters.scale.scheduling import Scheduler, Workers, run_tasks, start_workers
+from bezier_filters.scale.clients import Scheduler, Workers, check_workers, start_workers
+from bezier_filters.scale.remote import Location, disk_of, locate, remove_folder
+from bezier_filters.scale.scheduling import run_tasks
 from bezier_filters.scale.source import MeshSource
 from bezier_filters.scale.store import MANIFEST, Store, build_store, open_store
 from bezier_filters.scale.tiles import (
@@ -39,6 +41,7 @@ MIN_TILE_VERTICES = 1 << 8
 # most memory of a tile with its halo, and of a worker before its first tile
 BYTES_PER_VERTEX, BYTES_PER_WORKER = 1200, 500_000_000
 MARKER_FILE = "bezier_filters_store"
+DASHBOARD = "dashboard "  # and its address: the name of a stage that reports it
 
 # computes the rows and the report of a tile, given its number
 TileTask: TypeAlias = Callable[[int], tuple[Values, TileReport]]
@@ -70,21 +73,26 @@ class Stages:
     seconds: dict[str, float] = field(default_factory=dict)
 
     @contextmanager
-    def stage(self, name: str, remark: str = "") -> Iterator[Progress | None]:
-        """Time the block; yields a callback for its progress, or None. The remark is shown with the name."""
+    def stage(self, name: str) -> Iterator[Progress | None]:
+        """Time the block; yields a callback for its progress, or None."""
         start, progress = time.perf_counter(), self.progress
-        shown = f"{name} {remark}".strip()
-        yield None if progress is None else lambda done, total: progress(shown, done, total)
+        yield None if progress is None else lambda done, total: progress(name, done, total)
         self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
+
+    def announce(self, name: str) -> None:
+        """Report a stage that takes no time."""
+        with self.stage(name) as progress:
+            report(progress, 1, 1)
+        del self.seconds[name]
 
 
 @use_threads(1)  # tasks share the cores; a scheduler may run them in this process
-def run_tile(folder: Path, compute: TileTask, tile: int) -> int:
+def run_tile(folder: Location, compute: TileTask, tile: int) -> int:
     """Compute the results of a tile in a worker and write them to a folder; returns the number of the tile."""
     start = time.perf_counter()
-    rows, report = compute(tile)
+    rows, of_tile = compute(tile)
     seconds = time.perf_counter() - start
-    write_tile(folder, replace(report, seconds=seconds, peak_bytes=peak_bytes(), process=os.getpid()), rows)
+    write_tile(folder, replace(of_tile, seconds=seconds, peak_bytes=peak_bytes(), process=os.getpid()), rows)
     return tile
 
 
@@ -106,14 +114,14 @@ class Run:
     """A run in progress: source, target, store, workers and completed rounds."""
 
     source: MeshSource
-    target: str | os.PathLike[str]
+    target: Location
     store: Store
     cluster: Workers
     stages: Stages
     workers: int
     rounds: list[Round] = field(default_factory=list)
 
-    def results(self, parameters: Report) -> Path:
+    def results(self, parameters: Report) -> Location:
         """Folder for results with these parameters, separate from all others."""
         text = json.dumps({"version": __version__} | parameters, sort_keys=True)
         folder = self.store.folder / f"results-{hashlib.sha256(text.encode()).hexdigest()[:16]}"
@@ -121,7 +129,7 @@ class Run:
         (folder / "parameters.json").write_text(text, encoding="utf-8")
         return folder
 
-    def tiles(self, stage: str, folder: Path, compute: TileTask, remark: str = "") -> Round:
+    def tiles(self, stage: str, folder: Location, compute: TileTask) -> Round:
         """Compute missing tiles and verify all of them; `LostTaskError` if one ends several workers."""
         count = self.store.layout.tile_count
         todo, damaged = [], []
@@ -135,8 +143,11 @@ class Run:
                 todo.append(tile)
                 damaged.append(tile)
                 remove_tile(folder, tile)
-        ready = self.cluster.ready()
-        with self.stages.stage(stage, remark) as progress:
+        with self.stages.stage("start"):
+            check_workers(ready := self.cluster.ready(), self.store.folder / MARKER_FILE)
+        if self.cluster.dashboard and not self.rounds:
+            self.stages.announce(DASHBOARD + self.cluster.dashboard)
+        with self.stages.stage(stage) as progress:
             work = partial(run_tile, folder, compute)
             for _ in run_tasks(ready, work, todo, workers=self.workers, progress=progress):
                 pass
@@ -158,7 +169,7 @@ class Run:
         layout = self.store.layout
         return {
             "input": [str(path) for path in self.source.paths],
-            "output": os.fspath(self.target),
+            "output": str(self.target),
             "vertices": layout.vertex_count,
             "tiles": layout.tile_count,
             "rounds": len(self.rounds),
@@ -169,6 +180,8 @@ class Run:
             "tile_seconds": sum(report.seconds for report in reports),
             "peak_bytes": {"worker": max(report.peak_bytes for report in reports), "driver": peak_bytes()},
             "seconds": self.stages.seconds,
+            "scheduler": self.cluster.address,
+            "dashboard": self.cluster.dashboard or None,
         }
 
 
@@ -182,20 +195,23 @@ def file_run(
     range, a store of another run, other folders, and disks without enough space are refused.
     """
     options = _check_options(options)
-    _check_target(source, Path(target))
+    place = locate(target, "target")
+    _check_target(source, place)
     stages = Stages(options.progress)
-    folder = Path(options.store if options.store is not None else f"{os.fspath(target)}.tiles").absolute()
+    folder = locate(options.store if options.store is not None else f"{target}.tiles", "store")
+    if isinstance(folder, Path):
+        folder = folder.absolute()  # for workers in other folders
     if not options.resume:
-        check_room(source, folder, Path(target), row_size, in_store)
+        check_room(source, folder, place, row_size, in_store)
     with (
         use_threads(options.workers),
         start_workers(options.scheduler, workers=thread_count(), memory_limit=options.memory_limit) as cluster,
     ):
         with stages.stage("sort") as progress:
             store = _prepare_store(source, folder, options, progress)
-        yield Run(source, target, store, cluster, stages, thread_count())
+        yield Run(source, place, store, cluster, stages, thread_count())
     if not options.keep_store and (folder / MARKER_FILE).is_file():
-        shutil.rmtree(folder)
+        remove_folder(folder)
 
 
 def _check_options(options: RunOptions) -> RunOptions:
@@ -218,15 +234,21 @@ def _integer_or_none(name: str, value: object) -> int | None:
     return int(value)
 
 
-def _check_target(source: MeshSource, target: Path) -> None:
+def _check_target(source: MeshSource, target: Location) -> None:
     """Refuse a target that is the source, or no PLY file by its name."""
     if target.suffix.lower() != ".ply":
         raise InvalidParameterError(f"target: got {target}, expected a file name that ends in .ply")
-    if target.exists() and any(path.exists() and path.samefile(target) for path in source.paths):
+    if any(_are_same(path, target) for path in source.paths):
         raise InvalidParameterError(f"target: {target} is the source, which would be overwritten; give another name")
 
 
-def _prepare_store(source: MeshSource, folder: Path, options: RunOptions, progress: Progress | None) -> Store:
+def _are_same(path: Location, other: Location) -> bool:
+    if isinstance(path, Path) and isinstance(other, Path):
+        return path.exists() and other.exists() and path.samefile(other)
+    return str(path) == str(other)
+
+
+def _prepare_store(source: MeshSource, folder: Location, options: RunOptions, progress: Progress | None) -> Store:
     """Open the complete store of an earlier run to resume it, or build a new one."""
     ours = (folder / MARKER_FILE).is_file()
     if folder.exists() and not (ours and options.resume) and (not folder.is_dir() or any(folder.iterdir())):
@@ -243,7 +265,7 @@ def _prepare_store(source: MeshSource, folder: Path, options: RunOptions, progre
             )
         return store
     if ours:  # sorting was interrupted
-        shutil.rmtree(folder)
+        remove_folder(folder)
     folder.mkdir(parents=True, exist_ok=True)
     (folder / MARKER_FILE).touch()
     return build_store(source, folder, wanted, progress=progress)
@@ -266,16 +288,17 @@ def tile_size(options: RunOptions) -> int:
     return min(int(room), options.largest_tile)
 
 
-def check_room(source: MeshSource, folder: Path, target: Path, row_size: int, in_store: int) -> None:
+def check_room(source: MeshSource, folder: Location, target: Location, row_size: int, in_store: int) -> None:
     """Refuse disks without enough space early, given the bytes per vertex in the target and in the store."""
-    if not target.resolve().parent.is_dir():
-        raise FileNotFoundError(f"cannot write {target}: there is no directory {target.resolve().parent}")
+    of_result = disk_of(target).parent if isinstance(target, Path) else disk_of(target)
+    if not of_result.is_dir():
+        raise FileNotFoundError(f"cannot write {target}: there is no directory {of_result}")
     n, m = source.vertex_count, source.face_count
     of_store = (3 * source.dtype.itemsize + 8 + in_store) * n + (16 + 2) * m
     of_target = row_size * n + 13 * m
-    there = next(path for path in (folder.resolve(), *folder.resolve().parents) if path.exists())
-    same_disk = there.stat().st_dev == target.resolve().parent.stat().st_dev
-    for path, needed in ((there, of_store + of_target * same_disk), (target.resolve().parent, of_target)):
+    there = next(path for path in (disk_of(folder), *disk_of(folder).parents) if path.exists())
+    same_disk = there.stat().st_dev == of_result.stat().st_dev
+    for path, needed in ((there, of_store + of_target * same_disk), (of_result, of_target)):
         free = shutil.disk_usage(path).free
         if free < needed:
             raise InvalidParameterError(

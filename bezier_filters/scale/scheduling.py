@@ -1,93 +1,38 @@
-"""Runs tasks, and whole command lines, on any of Dask's schedulers. The only module that imports Dask."""
+"""Runs tasks, and whole command lines, on any of Dask's schedulers."""
 
 import contextlib
 import json
-import logging
 import os
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
-from importlib.util import find_spec
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, TypeVar
 
-from bezier_filters.errors import CancelledError, InvalidParameterError
+from bezier_filters.errors import CancelledError
 from bezier_filters.runtime.parallel import THREADS_VARIABLE, Progress, report
 from bezier_filters.runtime.process_end import child_environment, end_with_parent
 from bezier_filters.runtime.supervision import EXIT_INCOMPLETE
 from bezier_filters.runtime.worker_processes import Outcome, describe_exit
-
-# None, "threads", "processes", "synchronous", an address such as "tcp://host:8786", or a `distributed.Client`
-Scheduler: TypeAlias = Any
+from bezier_filters.scale.clients import (
+    Scheduler,
+    check_workers,
+    import_distributed,
+    make_portable,
+    missing_module,
+    start_workers,
+)
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 
-LOCAL_SCHEDULERS = ("threads", "processes", "synchronous")
-INSTALL_COMMAND = 'pip install "bezier-filters[scale]"'
 TASKS_PER_THREAD = 4  # tasks per thread that are submitted ahead, so that no worker idles
 
 
 class LostTaskError(RuntimeError):
     """A task ended several workers; the message names it and says what to do."""
-
-
-@dataclass(frozen=True)
-class Workers:
-    """The workers of a run: `ready` waits for them and returns the scheduler for `run_tasks`; `release` ends them."""
-
-    ready: Callable[[], Scheduler]
-    release: Callable[[], object] = lambda: None
-
-
-@contextlib.contextmanager
-def start_workers(scheduler: Scheduler, *, workers: int, memory_limit: int | None) -> Iterator[Workers]:
-    """Start workers on this machine in the background if no scheduler is given, and end them after the block.
-
-    A worker that exceeds the memory limit is replaced. Anything but a scheduler is refused, and so is an address
-    without a response.
-    """
-    distributed = _import_distributed()
-    if isinstance(scheduler, distributed.Client) or (isinstance(scheduler, str) and scheduler in LOCAL_SCHEDULERS):
-        yield Workers(lambda: scheduler)
-    elif isinstance(scheduler, str) and "://" in scheduler:
-        try:
-            client = distributed.Client(scheduler, timeout="20s", set_as_default=False)
-        except (OSError, ValueError) as error:
-            raise InvalidParameterError(f"scheduler: no response from {scheduler}; {error}") from error
-        with client:
-            yield Workers(lambda: client)
-    elif scheduler is None:
-        with contextlib.ExitStack() as stack, ThreadPoolExecutor(1) as pool:  # waits for the pool first
-            starting = pool.submit(_start, stack, workers, memory_limit)
-            yield Workers(starting.result, lambda: pool.submit(stack.close))
-    else:
-        allowed = f"{', '.join(LOCAL_SCHEDULERS)}, an address such as tcp://host:8786, or a Client"
-        raise InvalidParameterError(f"scheduler: got {scheduler!r}, expected {allowed}")
-
-
-def _start(stack: contextlib.ExitStack, workers: int, memory_limit: int | None) -> Scheduler:
-    """Client of new processes on this machine, which end with the stack."""
-    distributed = _import_distributed()
-    cluster = distributed.LocalCluster(
-        host="127.0.0.1",
-        n_workers=workers,
-        threads_per_worker=1,
-        memory_limit=memory_limit or 0,
-        dashboard_address=":0",  # any free port
-        silence_logs=logging.CRITICAL,
-    )
-    stack.enter_context(cluster)
-    return stack.enter_context(distributed.Client(cluster, set_as_default=False))
-
-
-def dashboard(scheduler: Scheduler) -> str:
-    """Address of Dask's dashboard; empty if there is none."""
-    return "" if find_spec("bokeh") is None else str(getattr(scheduler, "dashboard_link", "") or "")
 
 
 def run_tasks(
@@ -134,8 +79,8 @@ def _run_local(name: str, function: Callable[[Task], Result], tasks: Sequence[Ta
 
 
 def _run_distributed(client: Scheduler, function: Callable[[Task], Result], tasks: Sequence[Task]) -> Iterator[Result]:
-    distributed = _import_distributed()
-    futures = client.map(function, tasks, pure=False, key="tile")
+    distributed = import_distributed()
+    futures = client.map(make_portable(function), tasks, pure=False, key="tile")
     named = {future.key: task for future, task in zip(futures, tasks, strict=True)}
     try:
         for future in distributed.as_completed(futures, loop=client.loop):
@@ -148,6 +93,8 @@ def _run_distributed(client: Scheduler, function: Callable[[Task], Result], task
                 ) from error
             except distributed.CancelledError as error:
                 raise CancelledError(f"the scheduler gave up task {named[future.key]}: {error}") from error
+            except ImportError as error:
+                raise missing_module(error, "a worker") from error
             yield result
     finally:
         with contextlib.suppress(Exception):  # the cluster may be gone already
@@ -163,7 +110,8 @@ def run_on_scheduler(
     run `workers` jobs at a time. Yields the index and the outcome of each job as they finish.
     """
     with start_workers(scheduler, workers=workers, memory_limit=None) as cluster:
-        yield from run_tasks(cluster.ready(), run_command_line, list(enumerate(jobs)), workers=workers)
+        check_workers(ready := cluster.ready())
+        yield from run_tasks(ready, run_command_line, list(enumerate(jobs)), workers=workers)
 
 
 def run_command_line(job: tuple[int, Sequence[str]]) -> tuple[int, Outcome]:
@@ -184,12 +132,3 @@ def run_command_line(job: tuple[int, Sequence[str]]) -> tuple[int, Outcome]:
     has_message = messages and done.returncode > 0
     error = messages[-1].removeprefix("bezier-filters: ") if has_message else describe_exit(done.returncode)
     return index, Outcome(None, error, seconds)
-
-
-def _import_distributed() -> Any:
-    try:
-        import dask  # noqa: F401
-        import distributed
-    except ImportError as error:
-        raise ImportError(f"meshes in tiles need Dask: {INSTALL_COMMAND} ({error})") from error
-    return distributed

@@ -4,7 +4,6 @@ import os
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.prepared_mesh import prepare_mesh
 from bezier_filters.runtime.parallel import single_threaded_blas
 from bezier_filters.scale.array_file import ArrayFile, Values, save_array
+from bezier_filters.scale.clients import Scheduler
 from bezier_filters.scale.components import StoredComponents
 from bezier_filters.scale.estimate import fit_tile
 from bezier_filters.scale.halo import tile_part
@@ -27,8 +27,8 @@ from bezier_filters.scale.learn import (
     rings_needed,
     store_neighbourhoods,
 )
+from bezier_filters.scale.remote import Location
 from bezier_filters.scale.run import Run, RunOptions, StageProgress, file_run
-from bezier_filters.scale.scheduling import Scheduler
 from bezier_filters.scale.source import SourcePath, open_source
 from bezier_filters.scale.store import Store
 from bezier_filters.scale.stored_surface import (
@@ -132,6 +132,7 @@ def smooth_file(
     Examples
     --------
     >>> import tempfile
+    >>> from pathlib import Path
     >>> from bezier_filters import smooth
     >>> from bezier_filters.surfaces import sphere
     >>> folder, ball = Path(tempfile.mkdtemp()), sphere(resolution=20)
@@ -169,7 +170,7 @@ def _smooth_automatically(run: Run, iterations: int, options: SmoothingOptions, 
     """Automatic smoothing: the rounds of every iteration, and a final one."""
     how = {"quantity": "automatic smoothing", "iterations": iterations, "keep_volume": keep_volume}
     results, mesh, fixed = run.results(how | asdict(options)), run.store, options.borders == "fixed"
-    common, folders = SmoothingRun(run, results), list[Path]()
+    common, folders = SmoothingRun(run, results), list[Location]()
     surface = StoredSurface(common, mesh)
     known = surface.learn_noise(options.sigma)
     for step in range(iterations):
@@ -220,7 +221,7 @@ def _component_sums(tiles: Sequence[Tile], count: int) -> FloatArray:
 def finish_tile(
     before: Store,
     smoothed: Store,
-    folders: Sequence[Path],
+    folders: Sequence[Location],
     fixed: bool,
     stored: StoredComponents | None,
     steps: ArrayFile | None,
@@ -235,9 +236,9 @@ def finish_tile(
     mesh, own = prepare_mesh(part.mesh), part.own
     points = smoothed.coordinates_of(part.ids)
     components, numbers = (None, None) if stored is None else stored.select(part.ids)
-    if components is not None and steps is not None and components.count:
+    if components is not None and numbers is not None and len(numbers) and steps is not None:
         amounts = local_movement(omit_outliers(mesh, points), points) * movable_vertices(mesh, fixed)
-        of_components = np.array(steps.memory_map()[numbers])
+        of_components = steps.take(numbers)
         points = apply_moves(components, points, of_components, outward_moves(mesh.move(points), amounts))
     points, _ = reduce_intersections(mesh, repair_flipped_faces(mesh, points))
     of_tile = part.faces_of_tile()

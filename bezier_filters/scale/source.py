@@ -1,9 +1,9 @@
 """Meshes on disk of any size: binary PLY files, or pairs of NPY files."""
 
+import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
@@ -19,8 +19,9 @@ from bezier_filters.files.mesh_headers import (
     PlyHeader,
     parse_header,
 )
-from bezier_filters.runtime.checksums import file_checksum
-from bezier_filters.scale.array_file import ArrayFile, DType, Values, load_array
+from bezier_filters.runtime.checksums import stream_checksum
+from bezier_filters.scale.array_file import ArrayFile, DType, Values, array_layout
+from bezier_filters.scale.remote import Location, RemotePath, locate
 
 # a PLY file, or a pair of NPY files with vertices (n, 3) and faces (m, 3)
 SourcePath: TypeAlias = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
@@ -34,7 +35,7 @@ MAX_ELEMENTS = np.iinfo(np.int32).max  # largest number of vertices or faces
 class MeshSource:
     """A mesh in one or two files, with rows at known offsets."""
 
-    paths: tuple[Path, ...]
+    paths: tuple[Location, ...]
     vertex_rows: ArrayFile  # with the columns x, y and z among others, or nothing but the coordinates
     face_rows: ArrayFile
     corners: str = ""  # name of the list of corners; empty if a row consists of corners alone
@@ -92,9 +93,9 @@ def open_source(source: SourcePath) -> MeshSource:
     FieldFileError if a file is damaged, truncated or of another kind; InvalidMeshError if it has no faces or too many.
     """
     if isinstance(source, str | os.PathLike):
-        result = _open_ply(Path(source))
+        result = _open_ply(locate(source, "source"))
     else:
-        paths = [Path(path) for path in source]
+        paths = [locate(path, "source") for path in source]
         if len(paths) != 2:
             raise FieldFileError(f"source: got {len(paths)} files, expected a PLY file, or NPY files of both arrays")
         result = MeshSource(tuple(paths), _open_npy(paths[0], "f"), _open_npy(paths[1], "iu"))
@@ -110,8 +111,8 @@ def open_source(source: SourcePath) -> MeshSource:
     return result
 
 
-def _open_ply(path: Path) -> MeshSource:
-    with open(path, "rb") as stream:
+def _open_ply(path: Location) -> MeshSource:
+    with path.open("rb") as stream:
         header = parse_header(path, stream.read(HEADER_LIMIT))
     if header.is_ascii:
         raise FieldFileError(f"{path} is an ASCII file, whose rows have no known place; save it as binary PLY")
@@ -131,15 +132,15 @@ def _open_ply(path: Path) -> MeshSource:
         offset += rows.rows * rows.dtype.itemsize
         if "vertex" in places and "face" in places:
             break
-    if path.stat().st_size < offset:
+    if _size(path) < offset:
         raise FieldFileError(
             f"{path} is cut short or damaged, or has faces other than triangles: triangles would take {offset} bytes, "
-            f"it has {path.stat().st_size}"
+            f"it has {_size(path)}"
         )
     return MeshSource((path,), places["vertex"], places["face"], corners[0].name)
 
 
-def _rows_of(path: Path, header: PlyHeader, element: PlyElement, offset: int) -> ArrayFile:
+def _rows_of(path: Location, header: PlyHeader, element: PlyElement, offset: int) -> ArrayFile:
     """Table of an element with rows of equal length; the only list may be that of triangles."""
     lists = [item.name for item in element.properties if item.length_type]
     if lists and (element.name != "face" or lists[0] not in CORNERS or len(lists) > 1):
@@ -152,13 +153,14 @@ def _rows_of(path: Path, header: PlyHeader, element: PlyElement, offset: int) ->
     return ArrayFile(path, dtype, element.count, offset)
 
 
-def _open_npy(path: Path, kinds: str) -> ArrayFile:
+def _open_npy(path: Location, kinds: str) -> ArrayFile:
     """The table (n, 3) of an NPY file."""
     try:
-        table: Values = load_array(path, "r")
+        dtype, shape, fortran, offset = array_layout(path)
+        if _size(path) < offset + dtype.itemsize * math.prod(shape):
+            raise ValueError(f"{_size(path)} bytes are too few for {dtype} of shape {shape}")
     except (ValueError, EOFError) as error:
         raise FieldFileError(f"{path} is no NPY file, or cut short: {error}") from error
-    dtype, shape, fortran = table.dtype, table.shape, not table.flags.c_contiguous
     expected = dtype.kind in kinds and dtype.itemsize in (4, 8)
     if len(shape) != 2 or shape[1] != 3 or fortran or not expected:
         wanted = "float32 or float64" if kinds == "f" else "integers of 4 or 8 bytes"
@@ -166,9 +168,15 @@ def _open_npy(path: Path, kinds: str) -> ArrayFile:
             f"{path}: got {dtype} of shape {shape}{' in Fortran order' * fortran}, expected {wanted} of shape (n, 3), "
             "row after row (numpy.ascontiguousarray)"
         )
-    return ArrayFile(path, np.dtype((dtype, 3)), shape[0], path.stat().st_size - table.nbytes)
+    return ArrayFile(path, np.dtype((dtype, 3)), shape[0], offset)
 
 
-def _fingerprint(path: Path) -> list[str | int]:
-    status = path.stat()
-    return [path.name, status.st_size, status.st_mtime_ns, file_checksum(path)]
+def _size(path: Location) -> int:
+    return path.size() if isinstance(path, RemotePath) else path.stat().st_size
+
+
+def _fingerprint(path: Location) -> list[str | int]:
+    with path.open("rb") as stream:
+        checksum = stream_checksum(stream)
+    changed = 0 if isinstance(path, RemotePath) else path.stat().st_mtime_ns  # file systems name it differently
+    return [path.name, _size(path), changed, checksum]

@@ -21,11 +21,11 @@ from bezier_filters.errors import FieldFileError, InvalidMeshError
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.meshes.spatial_order import Grid, grid_around, widen_bounds
 from bezier_filters.meshes.unit_size import MAX_UNSCALED_EXPONENT, size_exponent
-from bezier_filters.runtime.atomic import atomic_write
-from bezier_filters.runtime.checksums import file_checksum
+from bezier_filters.runtime.checksums import stream_checksum
 from bezier_filters.runtime.jit import jit
 from bezier_filters.runtime.parallel import Progress, report
 from bezier_filters.scale.array_file import ArrayFile, load_array
+from bezier_filters.scale.remote import Location, write_file, write_folder
 from bezier_filters.scale.source import Fingerprint, MeshSource
 
 ROWS_PER_PASS = 1 << 20  # vertices or faces in memory at a time
@@ -78,7 +78,7 @@ class Layout:
 class Store:
     """A mesh prepared for tiles."""
 
-    folder: Path  # all workers must see it there
+    folder: Location  # all workers must see it there
     layout: Layout
     vertices: ArrayFile  # coordinates in spatial order, (n, 3)
 
@@ -100,7 +100,7 @@ class Store:
         """Number in the source and corners of the faces of ascending blocks, (k, 4) for each run of blocks."""
         rows = ArrayFile(self.folder / FACES, np.dtype(("i4", 4)), int(ptr[-1]))
         runs = np.split(blocks, np.flatnonzero(np.diff(blocks) > 1) + 1)
-        return [rows.read(int(ptr[run[0]]), int(ptr[run[-1] + 1])) for run in runs if len(run)]
+        return rows.read_runs([(int(ptr[run[0]]), int(ptr[run[-1] + 1])) for run in runs if len(run)])
 
     def coordinates(self, start: int, stop: int) -> FloatArray:
         """Coordinates of vertices start .. stop-1, (k, 3)."""
@@ -108,14 +108,14 @@ class Store:
 
     def coordinates_of(self, ids: IntArray) -> FloatArray:
         """Coordinates of some vertices, (k, 3)."""
-        return self.vertices.memory_map()[ids].astype(np.float64)
+        return self.vertices.take(ids).astype(np.float64, copy=False)
 
     def sources(self, ids: IntArray) -> IntArray:
         """Numbers in the source of some vertices."""
-        return np.array(self.order.memory_map()[ids], dtype=np.int32)
+        return self.order.take(ids)
 
 
-def open_store(folder: Path, fingerprint: Fingerprint) -> Store:
+def open_store(folder: Location, fingerprint: Fingerprint) -> Store:
     """Open a store; FieldFileError if it is damaged, or made from another source than this one."""
     try:
         manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
@@ -132,14 +132,23 @@ def open_store(folder: Path, fingerprint: Fingerprint) -> Store:
             "remove it to start over"
         )
     for name in FILES:
-        if not (folder / name).is_file() or file_checksum(folder / name) != checksums.get(name):
+        if not (folder / name).is_file() or _file_checksum(folder / name) != checksums.get(name):
             raise FieldFileError(f"{folder / name} is damaged or missing; remove the folder")
     if _checksum(layout) != checksums.get(LAYOUT):
         raise FieldFileError(f"{folder / MANIFEST} is damaged; remove the folder")
+    return _store_in(folder, layout)
+
+
+def _store_in(folder: Location, layout: Layout) -> Store:
     return Store(folder, layout, ArrayFile(folder / VERTICES, np.dtype((layout.dtype, 3)), layout.vertex_count))
 
 
-def build_store(source: MeshSource, folder: Path, tile_vertices: int, *, progress: Progress | None = None) -> Store:
+def _file_checksum(path: Location) -> str:
+    with path.open("rb") as stream:
+        return stream_checksum(stream)
+
+
+def build_store(source: MeshSource, folder: Location, tile_vertices: int, *, progress: Progress | None = None) -> Store:
     """Prepare a mesh for tiles in an empty folder; coordinates must be finite and faces triangles."""
     n, m = source.vertex_count, source.face_count
     passes = _Passes(3 * n + 2 * m, progress)
@@ -147,15 +156,17 @@ def build_store(source: MeshSource, folder: Path, tile_vertices: int, *, progres
     grid = _grid(source, passes)
     layout = Layout(n, m, source.dtype.str, bits, 0, grid.low.tolist(), grid.scale, grid.bits)
     layout = replace(layout, tile_vertices=layout.round_to_blocks(tile_vertices))
-    store = Store(folder, layout, ArrayFile(folder / VERTICES, np.dtype((source.dtype, 3)), n).allocate())
-    _sort_vertices(source, store, passes)
-    _sort_faces(source, store, passes)
-    checksums = {name: file_checksum(folder / name) for name in FILES}
+    with write_folder(folder) as local:
+        store = _store_in(local, layout)
+        store.vertices.allocate()
+        _sort_vertices(source, store, passes)
+        _sort_faces(source, local, store, passes)
+        checksums = {name: _file_checksum(local / name) for name in FILES}
     checksums[LAYOUT] = _checksum(layout)
     manifest = {"format": STORE_FORMAT, "source": source.fingerprint(), "checksums": checksums, "layout": vars(layout)}
-    with atomic_write(folder / MANIFEST) as temporary:  # marks the store as complete
+    with write_file(folder / MANIFEST) as temporary:  # marks the store as complete
         temporary.write_text(json.dumps(manifest, indent=1), encoding="utf-8")
-    return store
+    return _store_in(folder, layout)
 
 
 def _checksum(layout: Layout) -> str:
@@ -209,7 +220,7 @@ def _sort_vertices(source: MeshSource, store: Store, passes: _Passes) -> None:
         np.add.at(ends[1:], cells, np.int32(1))  # much faster than with another integer type
     np.cumsum(ends, out=ends)
     order = store.order.allocate()
-    with open(store.rank.path, "wb") as stream:
+    with store.rank.path.open("wb") as stream:
         for start, stop in passes.chunks(n):
             vertices, places = source.vertices(start, stop), np.empty(stop - start, dtype=np.int32)
             cells = grid.cells(vertices.astype(np.float64))
@@ -218,7 +229,7 @@ def _sort_vertices(source: MeshSource, store: Store, passes: _Passes) -> None:
             places.tofile(stream)
 
 
-def _sort_faces(source: MeshSource, store: Store, passes: _Passes) -> None:
+def _sort_faces(source: MeshSource, folder: Path, store: Store, passes: _Passes) -> None:
     """Write every face to each block that it touches."""
     m, bits = source.face_count, store.layout.block_bits
     ptr = np.zeros(store.layout.block_count + 1, dtype=np.int64)
@@ -229,8 +240,8 @@ def _sort_faces(source: MeshSource, store: Store, passes: _Passes) -> None:
     for start, stop in passes.chunks(m):
         _append_faces(corner_ranks(start, stop), start, bits, ptr[1:], np.empty((0, 4), dtype=np.int32))
     np.cumsum(ptr, out=ptr)
-    np.save(store.folder / FACE_PTR, ptr)
-    rows = ArrayFile(store.folder / FACES, np.dtype(("i4", 4)), int(ptr[-1])).allocate()
+    np.save(folder / FACE_PTR, ptr)
+    rows = ArrayFile(folder / FACES, np.dtype(("i4", 4)), int(ptr[-1])).allocate()
     for start, stop in passes.chunks(m):
         _append_faces(corner_ranks(start, stop), start, bits, ptr, rows.memory_map("r+"))
 

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
@@ -15,7 +14,6 @@ from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.prepared_mesh import PreparedMesh, prepare_mesh
 from bezier_filters.meshes.spatial_order import cuthill_mckee_order
 from bezier_filters.noise.noise_model import NoiseModel
-from bezier_filters.runtime.atomic import atomic_write
 from bezier_filters.runtime.cached_property import cached_property
 from bezier_filters.runtime.parallel import Progress
 from bezier_filters.sampling.mesh_parts import MAX_WHOLE_VERTICES, MeshPart, reorder_part
@@ -23,6 +21,7 @@ from bezier_filters.scale.array_file import ArrayFile, Values
 from bezier_filters.scale.components import StoredComponents, label_vertices, merge_components
 from bezier_filters.scale.halo import TilePart, tile_part
 from bezier_filters.scale.learn import learn_store_noise, sample_store_parts
+from bezier_filters.scale.remote import Location, write_file
 from bezier_filters.scale.run import Round, Run, TileTask
 from bezier_filters.scale.store import Store
 from bezier_filters.scale.tiles import Tile, TileReport, table_of
@@ -56,7 +55,7 @@ class SmoothingRun:
     """State that the rounds of smoothing a mesh in a store share."""
 
     run: Run
-    results: Path  # folder of the results
+    results: Location  # folder of the results
     step: int = 0  # number of the iteration, from 1
     is_last: bool = False  # whether it is the last iteration, which reports the volumes
     rounds: int = 0  # number of rounds of noise removal in this iteration
@@ -71,7 +70,7 @@ class StoredSurface:
     store: Store  # with the coordinates of this surface
     outlier_rounds: int = 0
     done: Round | None = None  # the round that removed its noise
-    folders: tuple[Path, ...] = ()  # results of the rounds that removed it
+    folders: tuple[Location, ...] = ()  # results of the rounds that removed it
     reach: int = 0  # rings of its halo
 
     def learn_noise(self, sigma: float | None = None, robust: bool | None = None) -> NoiseModel | None:
@@ -132,10 +131,10 @@ class StoredSurface:
         return None
 
 
-def run_round(run: Run, stage: str, folder: Path, move: TileTask) -> tuple[Store, Round]:
+def run_round(run: Run, stage: str, folder: Location, move: TileTask) -> tuple[Store, Round]:
     """Run a round that moves vertices; returns the mesh, with float64 coordinates in one file, and the round."""
     done, path = run.tiles(stage, folder, move), folder / "vertices.bin"
-    with atomic_write(path) as temporary, open(temporary, "wb") as stream:
+    with write_file(path) as temporary, open(temporary, "wb") as stream:
         for tile in done.tiles:
             rows = tile.rows()
             np.column_stack([rows[axis] for axis in "xyz"]).tofile(stream)

@@ -1,13 +1,11 @@
 """Results of tiles: rows in NPY files with checksums, and a PLY file that joins them."""
 
 import json
-import os
 import zlib
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
-from pathlib import Path
 from tokenize import TokenError
 
 import numpy as np
@@ -16,9 +14,9 @@ from bezier_filters._version import __version__
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.errors import FieldFileError
 from bezier_filters.files.mesh_headers import TRIPLE
-from bezier_filters.runtime.atomic import atomic_write
 from bezier_filters.runtime.parallel import Progress, report, thread_count
 from bezier_filters.scale.array_file import DType, Values, load_array
+from bezier_filters.scale.remote import Location, local_files, write_file
 from bezier_filters.scale.source import MeshSource
 from bezier_filters.scale.store import Store
 
@@ -48,35 +46,35 @@ class TileReport:
 class Tile:
     """The results of a tile: a file of rows, and the report."""
 
-    path: Path
+    path: Location
     report: TileReport
 
     def rows(self) -> Values:
-        """The rows as a memory map, which should be released soon."""
+        """The rows, of a local file as a memory map, which should be released soon."""
         return load_array(self.path, "r")
 
 
-def tile_path(folder: Path, tile: int) -> Path:
+def tile_path(folder: Location, tile: int) -> Location:
     """Path of the rows of a tile; the report is next to it."""
     return folder / f"tile-{tile:06d}.npy"
 
 
-def report_path(folder: Path, tile: int) -> Path:
+def report_path(folder: Location, tile: int) -> Location:
     """Path of the report of a tile, which is written after the rows."""
-    return tile_path(folder, tile).with_suffix(".json")
+    return folder / f"tile-{tile:06d}.json"
 
 
-def write_tile(folder: Path, of_tile: TileReport, rows: Values) -> None:
+def write_tile(folder: Location, of_tile: TileReport, rows: Values) -> None:
     """Write the results of a tile atomically: the report comes last."""
     content: dict[str, object] = {"report": asdict(of_tile), "rows": str(rows.dtype.descr)}
     text = json.dumps(content | {"checksum": _checksum(content, rows)})
-    with atomic_write(tile_path(folder, of_tile.tile)) as temporary:
+    with write_file(tile_path(folder, of_tile.tile)) as temporary:
         np.save(temporary, rows)
-    with atomic_write(report_path(folder, of_tile.tile)) as temporary:
+    with write_file(report_path(folder, of_tile.tile)) as temporary:
         temporary.write_text(text, encoding="utf-8")
 
 
-def open_tile(folder: Path, tile: int) -> Tile:
+def open_tile(folder: Location, tile: int) -> Tile:
     """Open the results of a tile; FileNotFoundError if there are none, `DamagedTileError` if a checksum differs."""
     path = tile_path(folder, tile)
     data = report_path(folder, tile).read_bytes()
@@ -94,7 +92,7 @@ def open_tile(folder: Path, tile: int) -> Tile:
     return result
 
 
-def remove_tile(folder: Path, tile: int) -> None:
+def remove_tile(folder: Location, tile: int) -> None:
     """Remove the results of a tile."""
     report_path(folder, tile).unlink(missing_ok=True)
     tile_path(folder, tile).unlink(missing_ok=True)
@@ -117,7 +115,7 @@ def table_of(vertices: FloatArray, columns: Mapping[str, FloatArray], coordinate
 
 
 def write_joined(
-    path: str | os.PathLike[str],
+    path: Location,
     source: MeshSource,
     store: Store,
     tiles: Sequence[Tile],
@@ -128,7 +126,13 @@ def write_joined(
     n, m = source.vertex_count, source.face_count
     dtype = tiles[0].rows().dtype
     threads = thread_count()
-    with atomic_write(Path(path)) as temporary, open(temporary, "wb") as stream, ThreadPoolExecutor(threads) as pool:
+    with (
+        local_files([tile.path for tile in tiles]) as paths,
+        write_file(path) as temporary,
+        open(temporary, "wb") as stream,
+        ThreadPoolExecutor(threads) as pool,
+    ):
+        tiles = [replace(tile, path=path) for tile, path in zip(tiles, paths, strict=True)]
         stream.write(ply_head(dtype, n, m))
         done, together = 0, threads * ROWS_PER_WRITE
         for collect, total in ((partial(gather_rows, store, tiles), n), (partial(_faces, source), m)):

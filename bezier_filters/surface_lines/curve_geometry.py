@@ -117,7 +117,7 @@ def curve_geometry(
     """
     given = _curve_points(points, neighbours)
     is_closed = bool((given[0] == given[-1]).all())
-    there = surface.at(given, threads=threads)
+    there = surface.query(given, threads=threads)
     scaled = np.ldexp(there.points, -surface.exponent)
     if is_closed:
         scaled[-1] = scaled[0]

@@ -327,7 +327,7 @@ def trace_lines(
         if seeds is None:
             faces, coordinates = _best_places(surface)
         else:
-            found = surface.at(seeds)
+            found = surface.query(seeds)
             known = found.faces >= 0
             faces, coordinates = found.faces[known], found.coordinates[known]
         value = 0.0 if normal_curvature is None else float(np.ldexp(normal_curvature, surface.exponent))
@@ -387,7 +387,7 @@ def _area(surface: Surface) -> float:
 def _best_places(surface: Surface) -> tuple[IntArray, FloatArray]:
     """Middles of all faces with a direction, first those where it is known best."""
     faces = np.arange(len(surface.mesh.faces), dtype=np.int32)
-    there = surface.over(faces, np.full((len(faces), 2), 1.0 / 3.0))
+    there = surface.evaluate(faces, np.full((len(faces), 2), 1.0 / 3.0))
     error = there.mean_curvature_std / np.maximum(there.geodesic_torsion, np.finfo(np.float64).tiny)
     order = np.argsort(error, kind="stable")
     order = order[there.outcome[order] == ON_SURFACE]
@@ -403,7 +403,7 @@ def _lines(surface: Surface, store: LineStore, kind: LineKind) -> list[SurfaceLi
         rows = rows[np.argsort(store.rows[rows, LINE_ARC], kind="stable")]
         rows_of.append(np.append(rows, rows[0]) if store.ends[k, 1] == CLOSED_LINE else rows)
     rows = np.concatenate([np.empty(0, np.int64), *rows_of])
-    there = surface.over(store.faces[rows], np.clip(store.rows[rows, LINE_COORDINATES:LINE_ARC], 0.0, 1.0))
+    there = surface.evaluate(store.faces[rows], np.clip(store.rows[rows, LINE_COORDINATES:LINE_ARC], 0.0, 1.0))
     tangents = store.rows[rows, LINE_TANGENT:LINE_COORDINATES]
     cosine = np.einsum("ij,ij->i", tangents, there.direction_max)
     sine = np.einsum("ij,ij->i", tangents, there.direction_min)

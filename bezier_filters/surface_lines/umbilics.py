@@ -77,7 +77,7 @@ def find_umbilics(surface: Surface) -> tuple[Umbilic, ...]:
     if not len(kept):
         return ()
     points = sums[kept] / np.bincount(names, counts, count)[kept, np.newaxis]
-    found = surface.at(np.ldexp(points, surface.exponent))
+    found = surface.query(np.ldexp(points, surface.exponent))
     order = np.argsort(-total[kept], kind="stable")
     radii = np.ldexp(np.sqrt(area[kept] / np.pi), surface.exponent)
     return tuple(

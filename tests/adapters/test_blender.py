@@ -7,14 +7,15 @@ import numpy as np
 import pytest
 
 import bezier_filters as bf
+from bezier_filters_adapters.field_colors import field_colors
 from bezier_filters_adapters.filters import LABELS, field_names, parameters_of, run
 
 FOLDER = Path(__file__).parents[2] / "adapters" / "bezier_filters_blender"
 
 
 def test_the_add_on_compiles():
-    path = FOLDER / "__init__.py"
-    compile(path.read_text(encoding="utf-8"), path, "exec")
+    for path in FOLDER.glob("*.py"):
+        compile(path.read_text(encoding="utf-8"), path, "exec")
 
 
 @pytest.mark.skipif(sys.version_info < (3, 11), reason="the reader of TOML came with Python 3.11")
@@ -105,19 +106,65 @@ def test_fitted_normals_are_those_of_the_mesh(blender, mesh):
     np.testing.assert_allclose(corners, values(mesh, "bz_normal")[vertices], atol=1e-3)
 
 
+def colors(mesh):
+    attribute = mesh.color_attributes[mesh.color_attributes.active_color_name]
+    found = np.empty((len(mesh.vertices), 4), np.float32)
+    attribute.data.foreach_get("color_srgb", found.ravel())
+    return found
+
+
+def test_the_first_field_is_the_color_of_views_and_renders(blender, mesh):
+    """Also a second time, when the attribute is there."""
+    view = next(area.spaces.active for area in blender.context.screen.areas if area.type == "VIEW_3D")
+    for name, field in (("curvature", "bz_mean_curvature"), ("smooth", "bz_displacement")):
+        view.shading.color_type = "MATERIAL"
+        operator(blender, name)()
+        assert mesh.color_attributes.active_color_name == mesh.color_attributes.default_color_name == "bz_color"
+        found = values(mesh, field)
+        np.testing.assert_allclose(colors(mesh)[:, :3], field_colors(field, found).rgb(found), atol=0.01)
+        assert view.shading.color_type == "VERTEX"
+    (material,) = mesh.materials
+    (link,) = (link for link in material.node_tree.links if link.to_socket.name == "Base Color")
+    assert link.from_node.layer_name == "bz_color"
+
+
+def test_materials_and_settings_of_the_user_stay(blender, mesh):
+    view = next(area.spaces.active for area in blender.context.screen.areas if area.type == "VIEW_3D")
+    view.shading.color_type = "RANDOM"
+    mesh.materials.append(blender.data.materials.new("mine"))
+    operator(blender, "curvature")()
+    assert [material.name for material in mesh.materials] == ["mine"]
+    assert view.shading.color_type == "RANDOM"
+
+
+def test_fills_continue_colors(blender, mesh):
+    operator(blender, "curvature")()
+    before, count = colors(mesh), len(mesh.vertices)
+    remove_face(mesh, 100)
+    operator(blender, "fill-holes")()
+    np.testing.assert_array_equal(colors(mesh)[:count], before)
+    assert (colors(mesh)[count:, 3] == 1.0).all()
+
+
 def triangles(mesh):
     mesh.calc_loop_triangles()
     return [vertex.co for vertex in mesh.vertices], [triangle.vertices for triangle in mesh.loop_triangles]
 
 
-def test_holes_are_filled_and_polygons_stay(blender, mesh):
+def remove_face(mesh, index):
     import bmesh
 
     cut = bmesh.new()
     cut.from_mesh(mesh)
     cut.faces.ensure_lookup_table()
-    bmesh.ops.delete(cut, geom=[cut.faces[100]], context="FACES_ONLY")
+    bmesh.ops.delete(cut, geom=[cut.faces[index]], context="FACES_ONLY")
     cut.to_mesh(mesh)
+
+
+def test_holes_are_filled_and_polygons_stay(blender, mesh):
+    import bmesh
+
+    remove_face(mesh, 100)
     before = [tuple(polygon.vertices) for polygon in mesh.polygons]
     operator(blender, "fill-holes")()
     after = [tuple(polygon.vertices) for polygon in mesh.polygons]

@@ -10,6 +10,7 @@ from hole_cases import without_faces_near
 
 import bezier_filters as bf
 from bezier_filters.surfaces import sphere, torus
+from bezier_filters_adapters.field_colors import field_colors
 from bezier_filters_adapters.filters import LABELS, field_names, parameters_of
 
 MANIFEST = Path(__file__).parents[2] / "adapters" / "bezier_filters_adapters" / "napari.yaml"
@@ -54,6 +55,18 @@ def test_commands_return_a_layer(name):
     assert all(state["metadata"][field].shape[1:] == (3,) for field in field_names(name) if "direction" in field)
 
 
+@pytest.mark.parametrize(("field", "colormap"), [("bz_mean_curvature", "Cool Warm"), ("bz_curvedness", "viridis")])
+def test_layers_have_colors_and_limits(field, colormap):
+    (*_, values), state, _ = command("curvature")((SHAPE.vertices, SHAPE.faces), field=field)
+    chosen = state["colormap"]
+    assert (chosen["name"] if isinstance(chosen, dict) else chosen) == colormap
+    low, high = state["contrast_limits"]
+    assert (low, high) == field_colors(field, values).limits
+    assert (low == -high) == (colormap == "Cool Warm")
+    assert np.mean((values >= low) & (values <= high)) > 0.95
+    assert state["shading"] == "smooth"
+
+
 def test_a_field_can_be_chosen():
     (*_, values), state, _ = command("curvature")((SHAPE.vertices, SHAPE.faces), field="bz_k_max", rings="2")
     assert state["name"] == "bz_k_max"
@@ -81,6 +94,16 @@ def test_values_go_on_into_fills(rows):
     assert state["name"] == LABELS["fill-holes"]
     np.testing.assert_array_equal(values[..., : len(HOLED[0])], given)
     np.testing.assert_allclose(values, np.broadcast_to(vertices[:, 0], values.shape), atol=0.02)
+
+
+@pytest.mark.filterwarnings("ignore")  # those of napari
+def test_filled_layers_keep_their_colors():
+    layers = pytest.importorskip("napari.layers", reason="napari is not installed")
+    layer = layers.Surface((*HOLED, HOLED[0][:, 0]), colormap="magma", contrast_limits=(-3.0, 5.0))
+    data, state, _ = command("fill-holes")(layer)
+    made = layers.Surface(data, **state)
+    assert made.colormap.name == "magma"
+    assert made.contrast_limits == [-3.0, 5.0]
 
 
 def ball_in_voxels(layer_class, scale):
@@ -136,5 +159,8 @@ def test_widgets_run_in_napari(monkeypatch):
         _, widget = viewer.window.add_plugin_dock_widget("bezier-filters-adapters", label)
         assert {parameter.name for parameter in parameters_of(name)} <= {part.name for part in widget}
         widget(surface=layer)
-        assert list(viewer.layers[-1].metadata) == [*field_names(name), "summary"]
+        made = viewer.layers[-1]
+        assert list(made.metadata) == [*field_names(name), "summary"]
+        assert tuple(made.contrast_limits) == field_colors(made.name, made.vertex_values).limits
+        assert made.shading == "smooth"
     viewer.close()

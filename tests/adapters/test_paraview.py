@@ -15,17 +15,16 @@ from bezier_filters_adapters.filters import LABELS, field_names, parameters_of
 ROOT = Path(__file__).parents[2]
 PLUGIN = ROOT / "adapters" / "bezier_filters_paraview.py"
 VERSION = "import sys; print(*sys.version_info[:2])"
-# ParaView's own modules come first: vtk from PyPI would take their place. ParaView 5.11 takes a function from
-# `inspect` that Python 3.11 has no more.
+# ParaView's own modules come first: vtk from PyPI would take their place.
 SCRIPT = """
-import inspect, json, sys
-if not hasattr(inspect, "getargspec"):
-    inspect.getargspec = inspect.getfullargspec
+import json, sys
 import paraview, vtkmodules
 sys.path[:0] = {paths!r}
+import bezier_filters_adapters.paraview_start
+from bezier_filters_adapters.field_colors import field_colors
 from paraview import servermanager, simple
+from vtkmodules.util.numpy_support import vtk_to_numpy
 
-simple.LoadPlugin({plugin!r}, remote=False, ns=vars(simple))
 sphere = simple.Sphere(Radius=2.0, ThetaResolution=20, PhiResolution=20)
 told = {{}}
 for name in {classes!r}:
@@ -33,11 +32,24 @@ for name in {classes!r}:
     mesh = servermanager.Fetch(made)
     points = mesh.GetPointData()
     columns = [points.GetArrayName(k) for k in range(points.GetNumberOfArrays())]
+    hints = made.SMProxy.GetHints()
+    told["menu " + name] = hints.FindNestedElementByName("ShowInMenu").GetAttribute("category")
+    told["active " + name] = points.GetScalars() and points.GetScalars().GetName()
     told[name] = [made.ListProperties(), columns, mesh.GetNumberOfPoints(), mesh.GetNumberOfPolys()]
 curved = simple.BezierCurvature(Input=sphere, rings="2", robust="True")
 curved.UpdatePipeline()
 told["means"] = curved.PointData["bz_mean_curvature"].GetRange()
 told["rings"] = curved.PointData["bz_rings_used"].GetRange()
+view = simple.CreateView("RenderView")
+shown = simple.Show(curved, view)
+values = vtk_to_numpy(servermanager.Fetch(curved).GetPointData().GetScalars())
+told["shown"] = list(shown.ColorArrayName)
+told["range"] = [shown.LookupTable.RGBPoints[0], shown.LookupTable.RGBPoints[-4]]
+told["expected"] = field_colors("bz_mean_curvature", values).limits
+shown.LookupTable.RGBPoints = [0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 1.0]  # as a user may choose
+curved.rings = "3"
+curved.UpdatePipeline()
+told["chosen"] = shown.LookupTable.RGBPoints[:]
 curved.rings = "-3"
 curved.UpdatePipeline()
 told["pymeshlab"] = "pymeshlab" in sys.modules
@@ -57,7 +69,7 @@ def told():
         pytest.skip(f"pvpython has another Python than {sys.version_info[:2]}: {version.strip()}")
     paths = [str(ROOT), str(ROOT / "adapters"), sysconfig.get_path("purelib")]
     classes = ["Bezier" + label.title().replace(" ", "") for label in LABELS.values()]
-    code = SCRIPT.format(paths=paths, plugin=str(PLUGIN), classes=classes)
+    code = SCRIPT.format(paths=paths, classes=classes)
     done = subprocess.run(
         [program, "--force-offscreen-rendering", "-c", code], env=plain, capture_output=True, text=True, check=False
     )
@@ -81,6 +93,20 @@ def test_properties_reach_the_filter(told):
     low, high = told[0]["means"]
     assert 0.45 < low <= high < 0.55
     assert told[0]["rings"][0] == 2
+
+
+def test_filters_are_in_their_menu_and_show_their_first_field(told):
+    for name, label in LABELS.items():
+        class_name = "Bezier" + label.title().replace(" ", "")
+        assert told[0]["menu " + class_name] == "Bezier filters"
+        assert told[0]["active " + class_name] == (None if name == "normals" else field_names(name)[0])
+
+
+def test_the_first_picture_has_the_limits_of_the_package(told):
+    assert told[0]["shown"] == ["POINTS", "bz_mean_curvature"]
+    assert told[0]["range"] == pytest.approx(told[0]["expected"])
+    low, high = told[0]["expected"]
+    assert told[0]["chosen"] == pytest.approx([low, 0.0, 0.0, 0.0, high, 1.0, 0.0, 1.0])
 
 
 def test_errors_are_messages(told):

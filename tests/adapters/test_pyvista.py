@@ -9,6 +9,7 @@ import pytest
 
 import bezier_filters as bf
 from bezier_filters.surfaces import block_with_sharp_edges, torus
+from bezier_filters_adapters.field_colors import field_colors
 
 pyvista = pytest.importorskip("pyvista", minversion="0.48", reason="accessors came with pyvista 0.48")
 pyvista_accessor = pytest.importorskip("bezier_filters_adapters.pyvista_accessor")
@@ -51,6 +52,42 @@ def test_vectors_are_arrays_and_codes_integers(mesh):
     assert mesh.bezier.curvature()["bz_fit_grade"].dtype == np.int32
     assert mesh.bezier.creases()["bz_crease"].dtype == np.int32
     assert mesh.bezier.curvature().active_scalars_name == "bz_mean_curvature"
+
+
+@pytest.mark.parametrize(
+    ("name", "shown"),
+    [
+        ("curvature", "bz_mean_curvature"),
+        ("torsion", "bz_geodesic_torsion"),
+        ("smooth", "bz_displacement"),
+        ("creases", "bz_crease"),
+        ("fill_holes", "bz_new"),
+    ],
+)
+def test_the_first_field_is_shown(name, shown):
+    holed = bf.to_pyvista(SHAPE.vertices, SHAPE.faces[4:])
+    assert getattr(holed.bezier, name)().active_scalars_name == shown
+
+
+def test_filled_meshes_keep_their_active_scalars():
+    curved = bf.to_pyvista(SHAPE.vertices, SHAPE.faces[4:]).bezier.curvature()
+    assert curved.bezier.fill_holes().active_scalars_name == "bz_mean_curvature"
+
+
+def test_a_plot_has_the_colors_of_the_field(mesh):
+    made = mesh.bezier.curvature()
+    made["bz_mean_curvature"][0] = 1e6  # a value that would take all colours
+    limits = field_colors("bz_mean_curvature", made["bz_mean_curvature"]).limits
+    drawn = []
+    image = made.bezier.plot(
+        off_screen=True,
+        screenshot=True,
+        window_size=(200, 200),
+        before_close_callback=lambda plotter: drawn.append(plotter.scalar_bars["bz_mean_curvature"]),
+    )
+    assert drawn[0].GetLookupTable().GetRange() == limits
+    red, blue = image[..., 0].astype(int), image[..., 2].astype(int)
+    assert (np.abs(red - blue) > 60).mean() > 0.05
 
 
 def test_fitted_normals_are_active_and_follow_the_mesh(mesh):

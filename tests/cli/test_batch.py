@@ -147,10 +147,14 @@ REMARKS = {
     "fill-holes": "0 holes filled, 0 left open",
     "replace": "1 patches replaced, 0 left as they were",
     "bridge": "0 pairs of holes joined, 0 left open",
+    "subdivide": "192 faces before, 768 after",
+    "remesh": "192 faces before, ",
     "creases": "21 lines, 60 sharp edges",
+    "bake": "curvature map, 81% of 64 x 64 texels",
     "lines": "0 lines, 0 umbilics; look at: there are no lines",
 }
-OPTIONS = {"replace": ["--where", "fi == 0"]}
+OPTIONS = {"replace": ["--where", "fi == 0"], "bake": ["--size", "64"]}
+SUFFIXES = {"bake": (".obj", ".png")}  # of the input, with texture coordinates, and of the output
 
 
 @pytest.mark.parametrize("command", PARAMETERS)
@@ -159,7 +163,11 @@ def test_every_command_does_what_it_does_for_one_file(command, tmp_path, capsys)
     vertices, faces = block_with_sharp_edges(resolution=4)
     ms = pymeshlab.MeshSet()
     ms.add_mesh(pymeshlab.Mesh(vertices, faces))
-    source, of_batch, alone = (str(tmp_path / name) for name in ("a block.ply", "of batch.ply", "alone.ply"))
+    ms.compute_texcoord_parametrization_triangle_trivial_per_wedge(textdim=512)
+    before, after = SUFFIXES.get(command, (".ply", ".ply"))
+    source, of_batch, alone = (
+        str(tmp_path / name) for name in (f"a block{before}", f"of batch{after}", f"alone{after}")
+    )
     save_mesh(ms, source)
     report = run_command([command, source, of_batch, *OPTIONS.get(command, [])])
     app([command, source, alone, *OPTIONS.get(command, [])], standalone_mode=False)

@@ -27,6 +27,8 @@ COMMANDS = [
     "fill-holes",
     "replace",
     "bridge",
+    "subdivide",
+    "remesh",
     "creases",
     "lines",
     "batch",

@@ -121,7 +121,7 @@ def test_with_any_small_s_it_is_so_too(mesh, count, alpha, rings, seed):
     assume(assert_equal(geometry, PaperFits(vertices, faces, rows, alpha, rings), chosen, 0.1))
 
 
-@pytest.mark.parametrize("fold_test", ["angle", "crossings"])
+@pytest.mark.parametrize("fold_test", ["angle", pytest.param("crossings", marks=pytest.mark.slow)])
 def test_every_fallback_of_the_paper_is_compared(fold_test):
     statuses = set()
     for vertices, faces in MESHES:

@@ -40,7 +40,9 @@ def errors(surface, vertices, **options):
 
 
 @each_surface
-@each_option
+@pytest.mark.parametrize(
+    "mode", ["automatic", *(pytest.param(m, marks=pytest.mark.slow) for m in OPTIONS if m != "automatic")]
+)
 def test_outliers_do_less_harm(name, mode):
     surface = SURFACES[name]()
     draws = [measured(surface, 0.05, seed) for seed in range(2)]

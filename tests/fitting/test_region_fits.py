@@ -115,7 +115,9 @@ def bunny():
 
 
 @pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")
-@pytest.mark.parametrize(("deleted", "turned", "moved"), [(10, 1.0, 0.08), (30, 1.5, 0.13)])
+@pytest.mark.parametrize(
+    ("deleted", "turned", "moved"), [pytest.param(10, 1.0, 0.08, marks=pytest.mark.slow), (30, 1.5, 0.13)]
+)
 def test_a_scan_with_detail_as_long_as_its_noise_keeps_its_fit(deleted, turned, moved):
     """Otherwise a few vertices less turn normals by degrees, and move H by a fifth."""
     vertices, faces, full = bunny()

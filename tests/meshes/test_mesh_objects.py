@@ -103,6 +103,8 @@ FUNCTIONS = {
     "fill_holes": lambda mesh: bf.fill_holes(mesh, "paper", max_edges=9).faces,
     "bridge_holes": lambda mesh: bf.bridge_holes(mesh, "auto").faces,
     "replace_selection": lambda mesh: bf.replace_selection(mesh, np.arange(len(SHAPE.faces)) < 6).faces,
+    "subdivide": lambda mesh: bf.subdivide(mesh, noise=0.0).faces,
+    "remesh": lambda mesh: bf.remesh(mesh, iterations=1, noise=0.0).faces,
     "find_creases": lambda mesh: bf.find_creases(mesh, GEOMETRY).sharp_edges,
     "vertex_patch": lambda mesh: bf.vertex_patch(mesh, 7).heights,
     "triangle_mesh": lambda mesh: bf.triangle_mesh(mesh).faces,

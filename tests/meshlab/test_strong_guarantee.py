@@ -16,7 +16,9 @@ from bezier_filters.meshlab.hole_filter import meshing_close_holes_by_bezier_pat
 from bezier_filters.meshlab.meshset import BezierFilterError
 from bezier_filters.meshlab.scripts import FILTERS
 
-VERTEX_FILTERS = [function for function in FILTERS if not function.__name__.startswith(("meshing_", "generate_"))]
+VERTEX_FILTERS = [  # which write columns
+    function for function in FILTERS if not function.__name__.startswith(("meshing_", "compute_texmap_", "generate_"))
+]
 TESTS = Path(__file__).parents[1]
 
 

@@ -78,6 +78,8 @@ class TestFields:
         ms = pymeshlab.MeshSet()
         ms.load_new_mesh(str(SAMPLES / "torus.ply"))
         for function in FILTERS:
+            if "texmap" in function.__name__:  # it writes no columns, and the mesh has no texture coordinates
+                continue
             function(ms, **({"condselect": "fi == 0"} if "replace" in function.__name__ else {}))
         save_mesh(ms, tmp_path / "all.ply")
         file = read_mesh_file(tmp_path / "all.ply")

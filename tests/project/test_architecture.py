@@ -35,7 +35,9 @@ estimation
 feature_lines
 patch_surface
 surface_lines
+remeshing
 holes
+textures
 files
 scale
 compilation

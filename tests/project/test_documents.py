@@ -67,7 +67,7 @@ def in_help():
     top = typer.main.get_command(app).commands
     commands = top | {f"scale {name}": command for name, command in top["scale"].commands.items()}
     return [
-        pytest.param(command, id=f"help-{name}-{k}")
+        pytest.param(command, id=f"help-{name}-{k}", marks=[pytest.mark.slow] if name == "compile" else [])
         for name, entry in commands.items()
         for k, command in enumerate(re.findall(r"^Example: bezier-filters (.*)$", entry.epilog or "", re.MULTILINE))
     ]
@@ -88,6 +88,9 @@ def prepared(tmp_path_factory):
     vertices = ms.current_mesh().vertex_matrix()
     ms.add_mesh(pymeshlab.Mesh(vertices))
     ms.save_current_mesh(str(folder / "points.ply"))
+    ms.set_current_mesh(0)
+    ms.compute_texcoord_parametrization_triangle_trivial_per_wedge(textdim=1024)
+    ms.save_current_mesh(str(folder / "textured.obj"))
     (folder / "scans").mkdir()
     shutil.copy(folder / "scan.ply", folder / "scans")
     for command, result, *options in (
@@ -125,7 +128,7 @@ def test_command_runs(command, outcome):
     Processes for tiles and batches are started by other tests, and by the script above.
     """
     arguments = shlex.split(command, comments=True)
-    if arguments[0] in ("view", "watch", "--install-completion") or "HOST" in command:
+    if arguments[0] in ("view", "watch", "--install-completion") or re.search("HOST|scheduler-file", command):
         arguments.append("--help")
     elif arguments[0] == "scale":
         arguments += ["--scheduler", "synchronous"]

@@ -23,13 +23,16 @@ COMMANDS = {
     "meshing_close_holes_by_bezier_patch": "fill-holes",
     "meshing_bridge_holes_by_bezier_patch": "bridge",
     "meshing_replace_selection_by_bezier_patch": "replace",
+    "meshing_surface_subdivision_by_bezier_patch": "subdivide",
+    "meshing_remeshing_by_bezier_patch": "remesh",
     "compute_normal_by_bezier_patch_per_vertex": "normals",
     "compute_curvature_by_bezier_patch_per_vertex": "curvature",
     "compute_torsion_by_bezier_patch_per_vertex": "torsion",
     "compute_selection_by_bezier_crease_per_edge": "creases",
+    "compute_texmap_by_bezier_patch": "bake",
     "generate_polyline_by_bezier_patch_direction": "lines",
 }
-OF_FILTERS_ALONE = {"ms", "onselected", "newfaceselected", "polylines"}
+OF_FILTERS_ALONE = {"ms", "onselected", "newfaceselected", "polylines", "textname"}
 KINDS = {
     "bool": bool,
     "int": int,

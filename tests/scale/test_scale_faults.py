@@ -16,8 +16,9 @@ from scale_cases import assert_same_as_in_memory, clean, noisy, save_arrays
 
 from bezier_filters.errors import CancelledError, FieldFileError, InvalidParameterError
 from bezier_filters.scale import FitOptions, estimate_file, smooth_file
+from bezier_filters.scale.clients import start_workers
 from bezier_filters.scale.run import check_room
-from bezier_filters.scale.scheduling import LostTaskError, run_tasks, start_workers
+from bezier_filters.scale.scheduling import LostTaskError, run_tasks
 from bezier_filters.scale.source import open_source
 from bezier_filters.scale.tiles import DamagedTileError, TileReport, open_tile, report_path, tile_path, write_tile
 from bezier_filters.surfaces import bumpy_star

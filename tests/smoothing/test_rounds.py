@@ -23,6 +23,7 @@ def test_spikes_go_and_what_is_sharp_stays(make, share, size, left):
     assert (np.abs(errors[~hit]) > 0.05).mean() < 0.02
 
 
+@pytest.mark.slow
 def test_outliers_that_are_too_dense_are_noise():
     """They hide each other, and to take them off one by one leaves most; single seeds leave .03 to .09 edges."""
     shape = star()

@@ -48,6 +48,8 @@ def right(name, folder):
         "k_rings": {"adjacency": bf.vertex_adjacency(mesh), "rings": 2},
         "mesh_arrays": {"mesh": (VERTICES, FACES)},
         "replace_selection": {"vertices": VERTICES, "faces": FACES, "selected": np.arange(len(FACES)) == 3},
+        "bake_texture": {"vertices": VERTICES, "faces": FACES, "texture_coordinates": VERTICES[:, :2]},
+        "save_texture": {"path": folder / "a.png", "texture": None},
         "vertex_patch": {"vertices": VERTICES, "faces": FACES, "vertex": 3},
         "fit_patch": {"points": VERTICES[:40], "origin": VERTICES[0], "axes": np.eye(3)},
         "save_fields": {"path": folder / "a.npz", "geometry": None},
@@ -65,6 +67,9 @@ FUNCTIONS = [
     "fill_holes",
     "replace_selection",
     "bridge_holes",
+    "bake_texture",
+    "subdivide",
+    "remesh",
     "find_creases",
     "triangle_mesh",
     "boundary_loops",
@@ -78,6 +83,7 @@ FUNCTIONS = [
     "to_pyvista",
     "to_trimesh",
     "save_fields",
+    "save_texture",
     "read_fields",
     "load_mesh",
     "save_mesh",
@@ -92,6 +98,9 @@ FUNCTIONS = [
     "meshing_close_holes_by_bezier_patch",
     "meshing_replace_selection_by_bezier_patch",
     "meshing_bridge_holes_by_bezier_patch",
+    "compute_texmap_by_bezier_patch",
+    "meshing_surface_subdivision_by_bezier_patch",
+    "meshing_remeshing_by_bezier_patch",
 ]
 UNCHECKED = {"progress", "colorrange", "percentile"}  # what is called; what counts only where there are colours
 

@@ -1,0 +1,1 @@
+"""New meshes on the surface of the patches: finer ones, and regular ones."""

@@ -1,0 +1,295 @@
+"""Remeshing of a surface: `remesh` and its result."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.errors import InvalidParameterError, is_integer, is_real
+from bezier_filters.meshes.mesh import check_selection, takes_meshes
+from bezier_filters.meshes.mesh_objects import MeshLike
+from bezier_filters.meshes.unit_size import LENGTH, normalizes_size
+from bezier_filters.patch_surface.surface import Surface, fit_surface
+from bezier_filters.remeshing.edge_lengths import curvature_sizing, length_for_count, uniform_sizing
+from bezier_filters.remeshing.edge_splitting import face_edges
+from bezier_filters.remeshing.isotropic import FIXED, FREE, ON_CURVE, WorkingMesh, remesh_surface
+from bezier_filters.remeshing.kept_curves import CurvePlaces, find_chains, initial_edges, kept_edges
+from bezier_filters.remeshing.subdivision import MAX_FACES, are_moved, mean_edge
+from bezier_filters.remeshing.surface_places import check_places, find_vertices
+from bezier_filters.result_tables import Table, TabularResult
+from bezier_filters.runtime.parallel import Progress, runs_on_threads
+
+MAX_REMESHING_ITERATIONS = 100
+COUNT_ROUNDS, COUNT_ITERATIONS = 8, 3  # corrections of the length for a number of vertices, and iterations of each
+COUNT_ACCURACY = 0.01  # relative error of the number of vertices that is not corrected
+MIN_LENGTH_RATIO = 0.05  # of edges by curvature to the mean old one: finer curvature is not known
+MAX_LENGTH_RATIO = 0.1  # of edges by curvature to the diagonal of the bounding box
+
+
+@dataclass(frozen=True, repr=False)
+class RemeshingResult(TabularResult):
+    """A new mesh of a surface.
+
+    Attributes
+    ----------
+    vertices : (n, 3) float64
+        Vertices on the surface, none without faces.
+    faces : (m, 3) int32
+        Triangles, oriented as the old ones.
+    old_vertices : (n,) int32
+        Old vertex that each is, or -1; corners of the kept curves are.
+    vertex_faces : (n,) int32
+        Old face below each vertex.
+    vertex_coordinates : (n, 2) float64
+        Barycentric coordinates in it, of its second and third corner.
+    old_faces : (m,) int32
+        Old face below the middle of each face.
+    chord_error : float
+        Largest distance of the midpoint of an edge from the surface, a length.
+    noise : float or None
+        Standard deviation of the noise along the normal, a length; None if it could not be estimated.
+    """
+
+    vertices: FloatArray = field(metadata=LENGTH)
+    faces: IntArray
+    old_vertices: IntArray
+    vertex_faces: IntArray
+    vertex_coordinates: FloatArray
+    old_faces: IntArray
+    chord_error: float = field(metadata=LENGTH)
+    noise: float | None = field(metadata=LENGTH)
+
+    def __repr__(self) -> str:
+        """One line: the numbers of vertices and faces."""
+        return f"RemeshingResult({len(self.vertices)} vertices, {len(self.faces)} faces)"
+
+    def _tables(self) -> list[Table]:
+        rows: list[list[object]] = [
+            ["vertices", len(self.vertices)],
+            ["faces", len(self.faces)],
+            ["chord error", self.chord_error],
+        ]
+        return [Table("remeshing", ["", ""], rows)]
+
+    def _columns(self) -> dict[str, list[object]]:
+        """One row."""
+        counts: dict[str, list[object]] = {"vertices": [len(self.vertices)], "faces": [len(self.faces)]}
+        return counts | {"chord_error": [self.chord_error], "noise": [self.noise]}
+
+
+@takes_meshes
+@normalizes_size("length", "tolerance", "noise")
+@runs_on_threads
+def remesh(
+    vertices: ArrayLike | MeshLike,
+    faces: ArrayLike | None = None,
+    *,
+    length: float | None = None,
+    vertex_count: int | None = None,
+    tolerance: float | None = None,
+    selected: BoolArray | None = None,
+    edges: IntArray | None = None,
+    iterations: int = 10,
+    noise: float | None = None,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> RemeshingResult:
+    """Make a new mesh of regular triangles whose vertices lie on the surface of the patches.
+
+    The surface is that of `fit_surface`: curved between vertices and free of the noise. Triangles are nearly
+    equilateral, with edges of one length, or shorter where the surface is curved. Edges are split, collapsed and
+    flipped, and vertices relaxed, as Botsch and Kobbelt do ("A remeshing approach to multiresolution modeling", 2004).
+    Sharp edges, borders and given edges stay: they become chains of edges, with their corners.
+
+    Parameters
+    ----------
+    vertices : (n, 3) array_like of float, or mesh object
+        Coordinates; or a mesh of another library, see `mesh_arrays`, and no faces.
+    faces : (m, 3) array_like of int
+        Triangles, counter-clockwise seen from outside.
+    length : float, optional
+        Length of the edges; by default the mean of the old ones. With a tolerance, the largest one, by default a tenth
+        of the diagonal of the bounding box.
+    vertex_count : int, optional
+        Number of vertices instead of a length, reached to within some percent; at least 4.
+    tolerance : float, optional
+        Distance of triangles from the surface, a length, from which the lengths of edges follow by the curvature. With
+        few triangles on nearly flat parts it decimates a mesh. The result says how large distances are.
+    selected : (m,) bool, optional
+        Faces to remesh; the others stay.
+    edges : (e, 2) array_like of int, optional
+        Other edges that are kept, pairs of vertices.
+    iterations : int
+        Number of iterations, at most 100.
+    noise : float, optional
+        Standard deviation of the noise along the normal, a length; by default it is estimated. 0 interpolates.
+    threads : int, optional
+        Number of threads; by default BEZIER_FILTERS_THREADS or all usable cores. The result does not depend on it.
+    progress : callable, optional
+        ``progress(done, total)`` as in `estimate_vertex_geometry`.
+
+    Returns
+    -------
+    RemeshingResult
+
+    Raises
+    ------
+    InvalidMeshError
+        If the arrays are not a mesh with faces and finite coordinates.
+    InvalidParameterError
+        If a parameter is out of range, or the result would have more than 50 million faces.
+    CancelledError
+        If `progress` returned False.
+
+    Examples
+    --------
+    >>> from bezier_filters.surfaces import torus
+    >>> ring = torus(resolution=24, jitter=0.3)
+    >>> even = remesh(ring.vertices, ring.faces, vertex_count=2000)
+    >>> bool(abs(len(even.vertices) - 2000) < 40)
+    True
+    >>> heights = np.hypot(np.hypot(*even.vertices[:, :2].T) - 1.0, even.vertices[:, 2]) - 0.4
+    >>> bool(np.abs(heights).max() < 1e-4)
+    True
+    """
+    _check(length, vertex_count, tolerance, iterations)
+    surface = fit_surface(vertices, faces, noise=noise, progress=progress)
+    m = surface.mesh.face_count
+    chosen = np.ones(m, np.bool_) if selected is None else check_selection(selected, m)
+    mesh = _working_mesh(surface, chosen, _check_edges(edges, surface.mesh.vertex_count))
+    size = mean_edge(surface.mesh) if length is None else length
+    if vertex_count is not None:
+        _remesh_to_count(mesh, vertex_count, iterations)
+    elif tolerance is None:
+        _check_size(mesh, size)
+        remesh_surface(mesh, uniform_sizing(size), iterations)
+    else:
+        longest = MAX_LENGTH_RATIO * float(np.linalg.norm(np.ptp(surface.mesh.vertices, axis=0)))
+        sizing = curvature_sizing(
+            tolerance, MIN_LENGTH_RATIO * mean_edge(surface.mesh), longest if length is None else length
+        )
+        remesh_surface(mesh, sizing, iterations)
+    return _result(mesh, surface, chosen)
+
+
+def _check(length: float | None, vertex_count: int | None, tolerance: float | None, iterations: int) -> None:
+    for name, value in (("length", length), ("tolerance", tolerance)):
+        if value is not None and not (is_real(value) and 0.0 < value < np.inf):
+            raise InvalidParameterError(f"{name}: got {value!r}, expected a positive length")
+    if vertex_count is not None and not (is_integer(vertex_count) and 4 <= vertex_count <= MAX_FACES // 2):
+        raise InvalidParameterError(
+            f"vertex_count: got {vertex_count!r}, expected an integer from 4 to {MAX_FACES // 2}"
+        )
+    if vertex_count is not None and (length is not None or tolerance is not None):
+        raise InvalidParameterError("vertex_count: a number of vertices excludes a length and a tolerance")
+    if not (is_integer(iterations) and 1 <= iterations <= MAX_REMESHING_ITERATIONS):
+        raise InvalidParameterError(
+            f"iterations: got {iterations!r}, expected an integer from 1 to {MAX_REMESHING_ITERATIONS}"
+        )
+
+
+def _check_edges(edges: IntArray | None, n: int) -> IntArray:
+    if edges is None:
+        return np.zeros((0, 2), dtype=np.int32)
+    try:
+        found = np.asarray(edges)
+    except ValueError as error:
+        raise InvalidParameterError(f"edges: expected integers of shape (e, 2); {error}") from None
+    if found.ndim != 2 or found.shape[1] != 2 or found.dtype.kind not in "iu":
+        raise InvalidParameterError(f"edges: got shape {found.shape}, expected integers of shape (e, 2)")
+    if len(found) and not (found.min() >= 0 and found.max() < n):
+        raise InvalidParameterError(f"edges: expected vertices from 0 to {n - 1}")
+    return found.astype(np.int32)
+
+
+def _check_size(mesh: WorkingMesh, length: float) -> None:
+    count = (length_for_count(mesh.points, mesh.faces, 1.0) / length) ** 2
+    if count > MAX_FACES:
+        raise InvalidParameterError(f"length: the result would have some {count:,.0f} faces, more than {MAX_FACES:,}")
+
+
+def _working_mesh(surface: Surface, chosen: BoolArray, extra: IntArray) -> WorkingMesh:
+    """The mesh of the chosen faces, and all vertices of the others, which are fixed."""
+    mesh = surface.mesh
+    n, found = mesh.vertex_count, find_vertices(surface)
+    all_edges = face_edges(mesh.faces, n)
+    parts = np.bincount(all_edges.of_face.ravel(), np.repeat(chosen, 3), len(all_edges.ends))
+    frozen = all_edges.ends[(parts > 0) & (parts < np.bincount(all_edges.of_face.ravel()))]
+    kept = kept_edges(surface, np.vstack([extra, frozen]))
+    number = {tuple(pair): k for k, pair in enumerate(np.sort(all_edges.ends, axis=1).tolist())}
+    kept = np.array([pair for pair in kept.tolist() if parts[number.get(tuple(pair), 0)] > 0 and tuple(pair) in number])
+    kept = kept.reshape(-1, 2).astype(np.int32)
+    fixed = np.zeros(n, dtype=np.bool_)
+    fixed[mesh.faces[~chosen]] = True
+    chains = find_chains(mesh.vertices, kept, fixed)
+    stay = set(map(tuple, np.sort(frozen, axis=1).tolist()))
+    is_frozen = np.array([tuple(pair) in stay for pair in np.sort(chains.ends, axis=1).tolist()], dtype=np.bool_)
+    kind = np.full(n, FREE)
+    kind[chains.ends] = ON_CURVE
+    kind[fixed] = FIXED
+    points = np.where(((kind != FIXED) | are_moved(surface))[:, np.newaxis], found.points, mesh.vertices)
+    of_others = np.zeros(n, dtype=np.bool_)
+    of_others[mesh.faces[~chosen]] = True
+    points[of_others] = mesh.vertices[of_others]
+    place_face, place = np.zeros(n, dtype=np.int32), np.zeros((n, 2))
+    rows = np.repeat(np.arange(mesh.face_count, dtype=np.int32), 3)
+    place_face[mesh.faces.ravel()] = rows
+    place[mesh.faces.ravel()] = np.tile([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], (mesh.face_count, 1))
+    working = WorkingMesh(
+        surface,
+        initial_edges(chains, is_frozen),
+        CurvePlaces(surface, chains),
+        points,
+        mesh.faces[chosen],
+        kind,
+        place_face,
+        place,
+        np.zeros((n, 3)),
+        found.curvatures,
+        np.where(kind == FIXED, np.arange(n, dtype=np.int32), np.int32(-1)),
+    )
+    unused = np.ones(n, dtype=np.bool_)
+    unused[mesh.faces] = False
+    working.kind[unused] = FREE
+    working.lengths = np.zeros(n)
+    working.drop_unused()
+    working.project()
+    return working
+
+
+def _remesh_to_count(mesh: WorkingMesh, count: int, iterations: int) -> None:
+    """Remesh with the length that gives a number of vertices, which follows from the numbers for others."""
+    length = length_for_count(mesh.points, mesh.faces, 2.0 * count)
+    remesh_surface(mesh, uniform_sizing(length), iterations)
+    for _ in range(COUNT_ROUNDS):
+        ratio = len(mesh.points) / count
+        if abs(ratio - 1.0) < COUNT_ACCURACY:
+            return
+        length *= float(np.clip(np.sqrt(ratio), 0.5, 2.0))
+        remesh_surface(mesh, uniform_sizing(length), COUNT_ITERATIONS)
+
+
+def _result(mesh: WorkingMesh, surface: Surface, chosen: BoolArray) -> RemeshingResult:
+    """The new faces with the old ones that were not chosen."""
+    n_old = surface.mesh.vertex_count
+    row_of_old = np.full(n_old, -1)
+    kept = mesh.old >= 0
+    row_of_old[mesh.old[kept]] = np.flatnonzero(kept)
+    below = surface.query(mesh.points[mesh.faces].mean(axis=1)).faces
+    others = np.flatnonzero(~chosen)
+    faces = np.vstack([row_of_old[surface.mesh.faces[others]], mesh.faces]).astype(np.int32)
+    edges = face_edges(mesh.faces, len(mesh.points))
+    middles = mesh.points[edges.ends].mean(axis=1)
+    on_surface, _, _ = check_places(surface, surface.query(middles))
+    distances = np.linalg.norm(on_surface - middles, axis=1)
+    return RemeshingResult(
+        mesh.points,
+        faces,
+        mesh.old,
+        mesh.place_face,
+        mesh.place,
+        np.concatenate([others, below]).astype(np.int32),
+        float(distances.max(initial=0.0)),
+        surface.geometry.noise_sigma,
+    )

@@ -1,0 +1,1 @@
+"""Images over the texture coordinates of a mesh: curvature, cavity, convexity and normal maps."""
