@@ -106,7 +106,7 @@ def main(target: Path | None) -> None:
         with target.open("w", newline="", encoding="utf-8") as file:
             writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
             writer.writeheader()
-            writer.writerows({name: f"{value:.4g}" for name, value in row.items()} for row in rows)
+            writer.writerows({name: f"{value:.6g}" for name, value in row.items()} for row in rows)
 
 
 if __name__ == "__main__":

@@ -19,6 +19,7 @@ from bezier_filters.surfaces import ellipsoid
 from common import arrays, run
 
 STEPS = 30  # of Laplacian smoothing: they remove fur and keep ears
+SPACING = 0.06  # of the lines; both shapes have a length of about 2
 
 
 def main(out: Path) -> dict[str, Any]:
@@ -31,10 +32,10 @@ def main(out: Path) -> dict[str, Any]:
     bunny *= np.ptp(shape.vertices, axis=0).max() / np.ptp(bunny, axis=0).max()  # as large in the picture
     found, panels = {}, []
     for name, vertices, faces in (("ellipsoid", shape.vertices, shape.faces), ("bunny", bunny, bunny_faces)):
-        lines = bf.trace_lines(bf.fit_surface(vertices, faces))
+        lines = bf.trace_lines(bf.fit_surface(vertices, faces), spacing=SPACING)
         found |= {f"lines, {name}": len(lines.lines), f"umbilics, {name}": [each.index for each in lines.umbilics]}
         panels.append(line_panel(vertices, faces, lines, title=name))
-    bf.render_panels(out / "lines.png", panels, views=["front", "iso"], size=(800, 700))
+    bf.render_panels(out / "lines.png", panels, views=["iso"], size=(700, 700))
     return found
 
 

@@ -17,7 +17,7 @@ from bezier_filters.meshlab.meshset import BezierFilterError
 from bezier_filters.meshlab.scripts import FILTERS
 
 VERTEX_FILTERS = [  # which write columns
-    function for function in FILTERS if not function.__name__.startswith(("meshing_", "compute_texmap_"))
+    function for function in FILTERS if not function.__name__.startswith(("meshing_", "compute_texmap_", "generate_"))
 ]
 TESTS = Path(__file__).parents[1]
 

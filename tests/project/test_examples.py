@@ -89,6 +89,12 @@ def test_crests_of_the_block_are_its_edges(run):
     assert lengths["length of ridges, blob"] > lengths["length of ravines, blob"] > 1.0
 
 
+def test_an_ellipsoid_has_four_umbilics_and_the_bunny_has_lines(run):
+    found, _ = run(13)
+    assert found["umbilics, ellipsoid"] == [0.5] * 4
+    assert found["lines, bunny"] > found["lines, ellipsoid"] > 50
+
+
 def test_the_standard_error_tells_where_the_errors_are(run):
     result, _ = run(6)
     assert 0.9 < result["truth within 95 % intervals"] < 1.0

@@ -17,6 +17,7 @@ import pytest
 
 import accuracy
 import denoising
+import lines
 import noise
 import red_blood_cell
 import reduction
@@ -236,6 +237,25 @@ def test_strongest_peer():
         row = kept("strongest_peer.csv", surface="ellipsoid", vertices=2252, noise=0.1, quantity=found["quantity"])
         assert_kept(row, {"corrected": found["corrected"]}, GIVEN)
         assert_kept(row, {name: found[name] for name in ("ours", "corrected_by_our_normals")}, LEARNED)
+
+
+def test_lines():
+    row = kept("lines.csv", vertices=2562, noise=0.1)
+    found = lines.row_of(16, 0.1)
+    assert_kept(row, {name: found[name] for name in ("median", "quantile_90", "distance")}, 2.0 * LEARNED)
+
+
+def test_the_page_of_accuracy_has_the_kept_figures_of_lines():
+    with (RESULTS / "lines.csv").open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    printed = [row for row in rows_of_page("accuracy.md", 6) if row[0].replace(",", "").isdigit() and len(row) == 6]
+    printed = [
+        row for row in printed if (row[0].replace(",", ""), row[1]) in {(r["vertices"], r["noise"]) for r in rows}
+    ]
+    assert len(printed) == len(rows)
+    for row, texts in zip(rows, printed, strict=True):
+        for text, name in zip(texts[2:], ("median", "quantile_90", "largest", "distance"), strict=True):
+            assert_printed(text, float(row[name]))
 
 
 @pytest.mark.parametrize(("method", "tolerance"), [("paper", GIVEN), ("automatic", LEARNED)])
