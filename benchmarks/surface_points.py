@@ -87,7 +87,8 @@ def measure(name: str, body: SampledSurface, level: LevelSet, noise: float) -> N
 
 def main() -> None:
     """Print the table."""
-    columns = ["body", "noise", "H at vertices", "between", "interpolated", "normals", "between", "positions", "between", "facets"]
+    measured = ("H at vertices", "between", "interpolated", "normals", "between", "positions", "between", "facets")
+    columns = ("body", "noise", *measured)
     print("| " + " | ".join(columns) + " |")
     print("|---" * len(columns) + "|")
     bodies = (
