@@ -18,7 +18,7 @@ from bezier_filters.fitting.vertex_geometry import VertexGeometry
 from bezier_filters.kernels.kernel_input import PATCH_DEGREE, PATCH_ORIGIN, PATCH_SQUARE
 from bezier_filters.meshes.box_tree import BoxTree, morton_order
 from bezier_filters.meshes.half_edges import distinct_edges, half_edge_twins
-from bezier_filters.meshes.mesh import TriangleMesh, takes_meshes, triangle_mesh
+from bezier_filters.meshes.mesh import MAX_COORDINATE, TriangleMesh, takes_meshes, triangle_mesh
 from bezier_filters.meshes.mesh_objects import MeshLike
 from bezier_filters.meshes.prepared_mesh import PreparedMesh, prepare_mesh
 from bezier_filters.meshes.unit_size import CURVATURE, LENGTH, SQUARED_CURVATURE, rescale, size_exponent
@@ -46,7 +46,7 @@ class SurfacePoints(DerivedCurvatures):
     points : (q, 3) float64
         Positions on the surface.
     distances : (q,) float64
-        Signed distance of the query, positive on the side of the normals; 0 for places that were given by face.
+        Signed distance of the query, positive on the side of the normal there; 0 for places that were given by face.
     normals : (q, 3) float64
         Unit normals of the surface.
     k_min, k_max : (q,) float64
@@ -60,9 +60,10 @@ class SurfacePoints(DerivedCurvatures):
         Face of the mesh below each place.
     coordinates : (q, 2) float64
         Barycentric coordinates of the second and third corner of the face.
-    outcome : (q,) int8
-        0 for the nearest place; 1 where that is on the border, so that the query is not over the surface; 2 where
-        Newton's method did not converge; 3 where the face has no patches, or they fold, and the place is on the face.
+    outcome : (q,) int32
+        0 for the nearest place; 1 where that is on a border or sharp edge, so that the query is not over it; 2 where
+        Newton's method did not converge; 3 where the face has no patches, or they fold, and the place is on the face; 4
+        where no face has an area.
     mean_curvature, gaussian_curvature, geodesic_torsion : (q,) float64
         Derived from `k_min` and `k_max`.
     """
@@ -117,13 +118,17 @@ class Surface:
             raise InvalidParameterError(f"points: expected real numbers of shape (q, 3); {error}") from None
         if queries.ndim != 2 or queries.shape[1] != 3 or not np.isfinite(queries).all():
             raise InvalidParameterError(f"points: got shape {queries.shape}, expected finite numbers of shape (q, 3)")
+        if np.abs(queries).max(initial=0.0) > MAX_COORDINATE:
+            raise InvalidParameterError(f"points: expected coordinates up to {MAX_COORDINATE:g}, as of vertices")
         queries, places = np.ldexp(queries, -self.exponent), empty_places(len(queries))
         order = morton_order(queries)  # points that are near each other need the same patches
         with use_threads(threads):
             run_in_chunks(
                 lambda: projection_task(self.arrays, self.tree, queries, order, places), len(queries), progress=progress
             )
-        return self._result(places, np.einsum("ij,ij->i", queries - places.points, places.normals))
+        offsets = queries - places.points
+        sides = np.where(np.einsum("ij,ij->i", offsets, places.normals) < 0.0, -1.0, 1.0)
+        return self._result(places, sides * np.linalg.norm(offsets, axis=1))
 
     def evaluate(
         self,
@@ -268,7 +273,8 @@ def fit_surface(
     edges, is_sharp, _ = find_sharp_edges(mesh, geometry)
     if noise is None and not is_sharp.any() and _has_shared_residuals(mesh, geometry):
         options = FitOptions(noise=0.0)  # at sharp edges, points on one side alone would be interpolated wildly
-    cut = cut_mesh(mesh.vertices, mesh.faces, edges.vertices[is_sharp])
+    is_cut = is_sharp | (np.bincount(edges.of_faces[edges.of_faces >= 0], minlength=len(is_sharp)) > 2)
+    cut = cut_mesh(mesh.vertices, mesh.faces, edges.vertices[is_cut])
     patches = estimate_patches(triangle_mesh(cut.vertices, cut.faces), options, progress)
     return Surface(TriangleMesh(mesh.vertices, mesh.faces), cut, patches, exponent)
 

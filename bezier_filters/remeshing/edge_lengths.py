@@ -33,7 +33,9 @@ def curvature_sizing(chord_error: float, shortest: float, longest: float) -> Siz
     """
 
     def lengths(points: FloatArray, faces: IntArray, curvatures: FloatArray) -> FloatArray:
-        squared = 6.0 * chord_error / np.maximum(curvatures, 1e-300) - 3.0 * chord_error**2
+        radii = 1.0 / np.maximum(curvatures, 1e-300)
+        errors = np.minimum(chord_error, radii)  # a triangle through the centre has the longest edges
+        squared = 6.0 * errors * radii - 3.0 * errors**2
         found = np.clip(np.sqrt(np.maximum(squared, 0.0)) / LONG, shortest, longest)
         return _limit_growth(points, faces, found)
 

@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
-from bezier_filters.errors import InvalidParameterError, is_integer, is_real
-from bezier_filters.meshes.mesh import check_selection, takes_meshes
+from bezier_filters.errors import InvalidMeshError, InvalidParameterError, is_integer, is_real
+from bezier_filters.meshes.half_edges import distinct_edges
+from bezier_filters.meshes.mesh import TriangleMesh, check_selection, takes_meshes
 from bezier_filters.meshes.mesh_objects import MeshLike
 from bezier_filters.meshes.unit_size import LENGTH, normalizes_size
 from bezier_filters.patch_surface.surface import Surface, fit_surface
@@ -20,6 +21,9 @@ from bezier_filters.remeshing.surface_places import check_places, find_vertices
 from bezier_filters.result_tables import Table, TabularResult
 from bezier_filters.runtime.parallel import Progress, runs_on_threads
 
+# Most faces for each old one without a given length: jittered and graded meshes have 2 at most. Doubled or halved, only
+# the error for meshes with single huge faces comes later or earlier.
+MAX_GROWTH = 16
 MAX_REMESHING_ITERATIONS = 100
 COUNT_ROUNDS, COUNT_ITERATIONS = 8, 3  # corrections of the length for a number of vertices, and iterations of each
 COUNT_ACCURACY = 0.01  # relative error of the number of vertices that is not corrected
@@ -156,9 +160,12 @@ def remesh(
     _check(length, vertex_count, tolerance, iterations)
     surface = fit_surface(vertices, faces, noise=noise, progress=progress)
     m = surface.mesh.face_count
+    _check_manifold(surface.mesh)
     chosen = np.ones(m, np.bool_) if selected is None else check_selection(selected, m)
     mesh = _working_mesh(surface, chosen, _check_edges(edges, surface.mesh.vertex_count))
     size = mean_edge(surface.mesh) if length is None else length
+    if length is vertex_count is tolerance is None:
+        _check_growth(mesh, size)
     if vertex_count is not None:
         _remesh_to_count(mesh, vertex_count, iterations)
     elif tolerance is None:
@@ -186,6 +193,24 @@ def _check(length: float | None, vertex_count: int | None, tolerance: float | No
     if not (is_integer(iterations) and 1 <= iterations <= MAX_REMESHING_ITERATIONS):
         raise InvalidParameterError(
             f"iterations: got {iterations!r}, expected an integer from 1 to {MAX_REMESHING_ITERATIONS}"
+        )
+
+
+def _check_growth(mesh: WorkingMesh, length: float) -> None:
+    count = (length_for_count(mesh.points, mesh.faces, 1.0) / length) ** 2
+    if count > MAX_GROWTH * len(mesh.faces):
+        raise InvalidParameterError(
+            f"length: the mean edge would make some {count:,.0f} faces of {len(mesh.faces):,}, as a few are far larger "
+            "than the others; give a length"
+        )
+
+
+def _check_manifold(mesh: TriangleMesh) -> None:
+    _, _, count = distinct_edges(mesh.faces, mesh.vertex_count)
+    if (count > 2).any():
+        raise InvalidMeshError(
+            f"faces: {int((count > 2).sum()):,} edges have three faces or more; split or remove faces there, as "
+            "meshing_repair_non_manifold_edges of pymeshlab does"
         )
 
 

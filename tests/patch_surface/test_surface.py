@@ -227,3 +227,36 @@ def test_a_cloud_is_refused():
 
 def test_no_points_give_no_places(ring_surface):
     assert len(ring_surface.query(np.zeros((0, 3))).points) == 0
+
+
+@pytest.mark.parametrize("offset", [1e4, 5e6])
+def test_places_far_from_the_origin_are_as_near_it(offset):
+    """Coordinates of surveys have offsets; rounding of theirs is no failure."""
+    ball = sphere(resolution=8)
+    surface = fit_surface(ball.vertices + offset, ball.faces)
+    there = surface.evaluate(*random_places(ball.faces, 300))
+    assert (there.outcome == ON_SURFACE).all()
+    np.testing.assert_allclose(surface.query(1.1 * ball.vertices + offset).distances, 0.1, atol=1e-5)
+
+
+def test_distances_from_a_border_are_lengths():
+    field = height_field(lambda x, y: [0.0 * x] * 6, resolution=8)
+    found = surface_at(field.vertices, field.faces, [[4.0, 0.1, 0.0], [-4.0, 0.1, -4.0]])
+    np.testing.assert_allclose(found.distances, [3.0, -5.0], atol=1e-9)
+
+
+def test_sheets_that_meet_in_one_edge_stay_flat():
+    field = height_field(lambda x, y: [0.0 * x] * 6, resolution=8)
+    middle = np.flatnonzero(np.abs(field.vertices[:, 0]) < 1e-9)
+    middle = middle[np.argsort(field.vertices[middle, 1])]
+    above = len(field.vertices) + np.arange(len(middle))
+    wall = [[middle[:-1], middle[1:], above[1:]], [middle[:-1], above[1:], above[:-1]]]
+    faces = np.vstack([field.faces, *(np.column_stack(corners) for corners in wall)])
+    vertices = np.vstack([field.vertices, field.vertices[middle] + [0.0, 0.0, 0.25]])
+    there = fit_surface(vertices, faces).evaluate(*random_places(faces, 2000))
+    assert np.minimum(np.abs(there.points[:, 2]), np.abs(there.points[:, 0])).max() < 1e-9
+
+
+def test_points_beyond_all_coordinates_are_refused(ring_surface):
+    with pytest.raises(InvalidParameterError, match="up to 1e"):
+        ring_surface.query([[1e160, 0.0, 0.0]])

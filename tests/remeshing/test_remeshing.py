@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from test_subdivision import closed_cylinder, heights, mean_edge, noisy_torus, rms, smallest_angle
 
-from bezier_filters import InvalidParameterError, inspect_mesh, remesh
+from bezier_filters import InvalidMeshError, InvalidParameterError, inspect_mesh, remesh
 from bezier_filters.surfaces import block_with_sharp_edges, cylinder, sphere, torus
 
 
@@ -125,3 +125,23 @@ def test_wrong_parameters_are_refused(options):
     ball = sphere(resolution=6)
     with pytest.raises(InvalidParameterError, match=next(iter(options))):
         remesh(ball.vertices, ball.faces, **options)
+
+
+def test_a_tolerance_above_the_radius_ends():
+    ball = sphere(resolution=8)
+    assert 4 <= len(remesh(ball.vertices, ball.faces, tolerance=3.0).vertices) < 300
+
+
+def test_edges_of_three_faces_are_refused():
+    ball = sphere(resolution=8)
+    fin = np.vstack([ball.faces, [[*ball.faces[0, :2], len(ball.vertices)]]])
+    with pytest.raises(InvalidMeshError, match="1 edges have three faces"):
+        remesh(np.vstack([ball.vertices, [[1.2] * 3]]), fin)
+
+
+def test_a_single_huge_face_is_named_and_not_filled():
+    ball = sphere(resolution=8)
+    vertices = ball.vertices.copy()
+    vertices[ball.faces[0]] *= 1e4
+    with pytest.raises(InvalidParameterError, match="a few are far larger"):
+        remesh(vertices, ball.faces)
