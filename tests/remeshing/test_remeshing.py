@@ -140,7 +140,7 @@ def test_edges_of_three_faces_are_refused():
 
 
 def test_a_single_huge_face_is_named_and_not_filled():
-    ball = sphere(resolution=8)
+    ball = sphere(resolution=16)
     vertices = ball.vertices.copy()
     vertices[ball.faces[0]] *= 1e4
     with pytest.raises(InvalidParameterError, match="a few are far larger"):
