@@ -25,7 +25,7 @@ from bezier_filters.runtime.jit import inner_jit
 
 NEWTON_STEPS = 12  # at most; heights along a ray need two or three
 HEIGHT_ACCURACY = 1e-12  # least step towards the surface, in sizes of the face
-ROUNDING = 1e-15  # error of a position over its coordinates, a few units in the last place
+POSITION_ROUNDING = 1e-15  # error of a position over its coordinates, a few units in the last place
 MIN_RAY_SLOPE = 0.05  # least derivative of f along a ray; below it the ray grazes the surface, and there is no position
 # columns of the scratch array of a thread
 X, T, NORMAL, SLOPE, FORM, WEIGHTS, GRADIENTS, JETS, LOCAL = 0, 3, 4, 7, 8, 14, 17, 26, 56
@@ -86,7 +86,7 @@ def approach_surface(surface: SurfaceArrays, f: int, a: float, b: float, work: F
     step, rounding = value / slope, 0.0
     for axis in range(3):
         work[X + axis] -= step * work[RAY + axis]
-        rounding += ROUNDING * abs(work[X + axis])
+        rounding += POSITION_ROUNDING * abs(work[X + axis])
     work[T] = t - step
     return float(max(abs(step) - rounding, 0.0) / size)
 

@@ -23,7 +23,7 @@ from bezier_filters.runtime.parallel import Progress, runs_on_threads
 
 # Most faces for each old one without a given length: jittered and graded meshes have 2 at most. Doubled or halved, only
 # the error for meshes with single huge faces comes later or earlier.
-MAX_GROWTH = 16
+MAX_FACE_GROWTH = 16
 MAX_REMESHING_ITERATIONS = 100
 COUNT_ROUNDS, COUNT_ITERATIONS = 8, 3  # corrections of the length for a number of vertices, and iterations of each
 COUNT_ACCURACY = 0.01  # relative error of the number of vertices that is not corrected
@@ -198,7 +198,7 @@ def _check(length: float | None, vertex_count: int | None, tolerance: float | No
 
 def _check_growth(mesh: WorkingMesh, length: float) -> None:
     count = (length_for_count(mesh.points, mesh.faces, 1.0) / length) ** 2
-    if count > MAX_GROWTH * len(mesh.faces):
+    if count > MAX_FACE_GROWTH * len(mesh.faces):
         raise InvalidParameterError(
             f"length: the mean edge would make some {count:,.0f} faces of {len(mesh.faces):,}, as a few are far larger "
             "than the others; give a length"
