@@ -103,7 +103,7 @@ class TestNames:
         printed = capfd.readouterr().out.split()
         assert set(names) <= set(printed)
 
-    @pytest.mark.parametrize(("keyword", "index"), [("Fill", 1), ("torsion bezier", 4), ("noise", 0)])
+    @pytest.mark.parametrize(("keyword", "index"), [("Fill", 1), ("torsion per_vertex bezier", 4), ("noise", 0)])
     def test_search_finds_words_of_names_and_summaries(self, keyword, index, capfd):
         pymeshlab.search(keyword)
         found = [line.split(" ")[0] for line in capfd.readouterr().out.splitlines() if " : " in line]
