@@ -161,6 +161,8 @@ def remesh(
     surface = fit_surface(vertices, faces, noise=noise, progress=progress)
     m = surface.mesh.face_count
     _check_manifold(surface.mesh)
+    if not mean_edge(surface.mesh) > 0.0:
+        raise InvalidMeshError("vertices: all are in one place; there is nothing to remesh")
     chosen = np.ones(m, np.bool_) if selected is None else check_selection(selected, m)
     mesh = _working_mesh(surface, chosen, _check_edges(edges, surface.mesh.vertex_count))
     size = mean_edge(surface.mesh) if length is None else length
