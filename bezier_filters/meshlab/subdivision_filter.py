@@ -125,5 +125,7 @@ def read_face_selection(mesh: CurrentMesh) -> BoolArray:
     """The selected faces (m,), or those whose vertices are all selected; refused if there are none."""
     selected = mesh.face_selection if mesh.face_selection.any() else mesh.vertex_selection[mesh.faces].all(axis=1)
     if not selected.any():
-        raise BezierFilterError("onselected: no face is selected; select faces first, or pass onselected=False")
+        raise BezierFilterError(
+            "onselected: no face is selected. Select vertices or faces first, or pass onselected=False."
+        )
     return np.asarray(selected)
