@@ -32,23 +32,30 @@ class Stop(Exception):
     pass
 
 
-def calls_of_progress(function):
+def meshset_for(function, runs):
+    """A MeshSet on which a filter has run some times."""
+    ms = full_meshset()
+    for _ in range(runs):
+        if function is meshing_close_holes_by_bezier_patch:
+            function(ms, maxholesize=7)  # leaves the larger holes
+        else:
+            function(ms, **given(function))
+    return ms
+
+
+def calls_of_progress(function, runs):
     """How often a filter calls back; with several threads that depends on which one does what."""
     calls = []
-    function(full_meshset(), threads=1, progress=lambda *state: calls.append(state))
+    function(meshset_for(function, runs), threads=1, progress=lambda *state: calls.append(state))
     return len(calls)
 
 
 @pytest.mark.parametrize("before", [0, 1], ids=["first run", "second run"])
 @pytest.mark.parametrize("function", FILTERS)
 def test_stopping_at_any_callback_changes_nothing(function, before):
-    ms = full_meshset()
-    if before and function is meshing_close_holes_by_bezier_patch:
-        function(ms, maxholesize=7)  # leaves the larger holes
-    elif before:
-        function(ms, **given(function))
+    ms = meshset_for(function, before)
     state = mesh_state(ms)
-    total = calls_of_progress(function)
+    total = calls_of_progress(function, before)
     assert total > 0
     for which in {0, total - 1}:
         for answer in (False, Stop, KeyboardInterrupt):
