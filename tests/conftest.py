@@ -140,18 +140,3 @@ def quick_pictures(monkeypatch):
 def bunny():
     """The closed Stanford bunny, 28,088 vertices."""
     return pymeshlab_sample("bunny.obj")
-
-
-KNOWN_FAILURES = {
-    "test_stopping_at_any_callback_changes_nothing[meshing_remeshing_by_bezier_patch-second run]": "no callback",
-    "test_stopping_at_any_callback_changes_nothing[meshing_surface_subdivision_by_bezier_patch-second run]": "none",
-    "test_mutated_meshes[meshing_remeshing_by_bezier_patch]": "open",
-    "test_mutated_meshes[generate_polyline_by_bezier_patch_direction]": "open",
-}
-
-
-def pytest_collection_modifyitems(items):
-    """Mark failures that are known and not mended yet."""
-    for item in items:
-        if item.name in KNOWN_FAILURES:
-            item.add_marker(pytest.mark.xfail(reason=KNOWN_FAILURES[item.name]))

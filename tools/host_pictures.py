@@ -38,7 +38,7 @@ HOSTS = {
 
 
 def install(host: Host, folder: Path) -> None:
-    """Make the environment of a host anew."""
+    """Make the environment of a host again from nothing."""
     subprocess.run([host.python, "-m", "venv", "--clear", folder], check=True)
     subprocess.run([folder / "bin/python", "-m", "pip", "install", "--quiet", ROOT, *host.packages], check=True)
 

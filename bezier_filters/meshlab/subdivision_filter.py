@@ -95,11 +95,12 @@ def meshing_surface_subdivision_by_bezier_patch(
     except (InvalidMeshError, InvalidParameterError) as error:
         raise BezierFilterError(re.sub("^selected", "onselected", str(error))) from error
     fitted = clock_without_compilation()
+    # before the MeshSet changes, as the result may be refused
+    before, after = topology_of(mesh.vertices, mesh.faces), topology_of(result.vertices, result.faces)
     check_unchanged(ms, mesh)
     with preserve_filter_script(ms):
         lost_attributes, textured = exchange_mesh(ms, derive_by_subdivision(mesh, result))
     written = clock_without_compilation()
-    before, after = topology_of(mesh.vertices, mesh.faces), topology_of(result.vertices, result.faces)
     flat = len(result.flat_vertices)
     return {
         "old_vertices": len(mesh.vertices),

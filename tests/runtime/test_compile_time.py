@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[2]
 
 
 def elapsed(action):
-    """Seconds that an action takes, and those that the clock shows."""
+    """Seconds that an action takes, and seconds that the clock shows."""
     wall, shown = time.perf_counter(), clock_without_compilation()
     action()
     return time.perf_counter() - wall, clock_without_compilation() - shown
