@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.errors import InvalidParameterError
 from bezier_filters.meshes.triangles import area_vectors
 from bezier_filters.patch_surface.surface import Surface, SurfacePoints
 from bezier_filters.remeshing.edge_lengths import LONG, SHORT, Sizing
@@ -30,6 +31,9 @@ from bezier_filters.remeshing.kept_curves import (
 from bezier_filters.remeshing.surface_places import check_places
 
 FREE, ON_CURVE, FIXED = 0, 1, 2  # how a vertex may move
+# Most faces after splitting, for each old one and for each that the area has room for: jittered and graded meshes have
+# 2 at most. Doubled or halved, only the errors for meshes with single huge faces or needles come later or earlier.
+MAX_FACE_GROWTH = 16
 MAX_SPLITS = 3  # of edges in one iteration, before others become relaxed
 MAX_OPERATION_PASSES = 10  # of collapses, or flips, that do not touch the same faces
 MIN_PROGRESS = 500  # vertices for each collapse of a pass from which there is another pass
@@ -201,12 +205,23 @@ class WorkingMesh:
 
 
 def remesh_surface(mesh: WorkingMesh, sizing: Sizing, iterations: int) -> None:
-    """Give the edges of a working mesh the wanted lengths."""
+    """Give the edges of a working mesh the wanted lengths.
+
+    Refused if that makes many times the faces that its area has room for, as where its patches are far from it.
+    """
+    wanted = sizing(mesh.points, mesh.faces, mesh.curvature)[mesh.faces].mean(axis=1)
+    areas = np.linalg.norm(area_vectors(mesh.points, mesh.faces), axis=1)
+    most = MAX_FACE_GROWTH * (len(mesh.faces) + (areas / np.square(wanted)).sum())
     for _ in range(iterations):
         for _ in range(MAX_SPLITS):
             mesh.lengths = sizing(mesh.points, mesh.faces, mesh.curvature)
             if not mesh.split_long():
                 break
+            if len(mesh.faces) > most:
+                raise InvalidParameterError(
+                    f"length: edges of that length make more than {most:,.0f} faces, many times what the area of the "
+                    "mesh has room for: its faces are needles, or its surface is far from them; repair it, or give a length"
+                )
         mesh.lengths = sizing(mesh.points, mesh.faces, mesh.curvature)
         mesh.collapse_short()
         mesh.flip(_valences(mesh))

@@ -14,16 +14,13 @@ from bezier_filters.meshes.unit_size import LENGTH, normalizes_size
 from bezier_filters.patch_surface.surface import Surface, fit_surface
 from bezier_filters.remeshing.edge_lengths import curvature_sizing, length_for_count, uniform_sizing
 from bezier_filters.remeshing.edge_splitting import face_edges
-from bezier_filters.remeshing.isotropic import FIXED, FREE, ON_CURVE, WorkingMesh, remesh_surface
+from bezier_filters.remeshing.isotropic import FIXED, FREE, MAX_FACE_GROWTH, ON_CURVE, WorkingMesh, remesh_surface
 from bezier_filters.remeshing.kept_curves import CurvePlaces, find_chains, initial_edges, kept_edges
 from bezier_filters.remeshing.subdivision import MAX_FACES, are_moved, mean_edge
 from bezier_filters.remeshing.surface_places import check_places, find_vertices
 from bezier_filters.result_tables import Table, TabularResult
 from bezier_filters.runtime.parallel import Progress, runs_on_threads
 
-# Most faces for each old one without a given length: jittered and graded meshes have 2 at most. Doubled or halved, only
-# the error for meshes with single huge faces comes later or earlier.
-MAX_FACE_GROWTH = 16
 MAX_REMESHING_ITERATIONS = 100
 COUNT_ROUNDS, COUNT_ITERATIONS = 8, 3  # corrections of the length for a number of vertices, and iterations of each
 COUNT_ACCURACY = 0.01  # relative error of the number of vertices that is not corrected
