@@ -220,7 +220,7 @@ def remesh_surface(mesh: WorkingMesh, sizing: Sizing, iterations: int) -> None:
             if len(mesh.faces) > most:
                 raise InvalidParameterError(
                     f"length: edges of that length make more than {most:,.0f} faces, many times what the area of the "
-                    "mesh has room for: its faces are needles, or its surface is far from them; repair it, or give a length"
+                    "mesh has room for: its faces are needles, or far from the surface; repair it, or give a length"
                 )
         mesh.lengths = sizing(mesh.points, mesh.faces, mesh.curvature)
         mesh.collapse_short()
