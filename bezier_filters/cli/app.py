@@ -286,6 +286,8 @@ _NAMES = {
     "boltholes": "bolt-holes",
     "minstrength": "min-strength",
     "texmap": "map",
+    "maxdistance": "max-distance",
+    "refnoise": "reference-noise",
 }
 # least values that typer accepts
 _MINIMUM = {
@@ -293,6 +295,7 @@ _MINIMUM = {
     "iterations": 1,
     "maxholesize": 3,
     "noise": 0.0,
+    "region": 1,
     "minstrength": 0.0,
     "workers": 1,
     "tile_vertices": 256,

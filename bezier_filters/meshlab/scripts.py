@@ -18,6 +18,7 @@ from bezier_filters.errors import InvalidScriptError
 from bezier_filters.files.filter_scripts import ScriptStep
 from bezier_filters.meshlab.bridge_filter import meshing_bridge_holes_by_bezier_patch
 from bezier_filters.meshlab.crease_filter import compute_selection_by_bezier_crease_per_edge
+from bezier_filters.meshlab.deviation_filter import compute_deviation_by_bezier_patch_per_vertex
 from bezier_filters.meshlab.hole_filter import meshing_close_holes_by_bezier_patch
 from bezier_filters.meshlab.meshset import (
     BezierFilterError,
@@ -51,6 +52,7 @@ FILTERS: tuple[Callable[..., Report], ...] = (
     meshing_replace_selection_by_bezier_patch,
     meshing_bridge_holes_by_bezier_patch,
     compute_texmap_by_bezier_patch,
+    compute_deviation_by_bezier_patch_per_vertex,
 )
 OURS = {function.__name__: function for function in FILTERS}
 

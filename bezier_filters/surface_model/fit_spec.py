@@ -48,9 +48,7 @@ WEIGHTED_RINGS = 4
 # of the largest entry of the normal equations: makes singular ones solvable, whose errors are then huge
 NORMAL_EQUATION_RIDGE = 1e-14
 HEIGHT_TERM = np.arange(1, dtype=np.int32)  # place of the constant among the terms
-DERIVATIVE_TERMS = np.arange(
-    1, 6, dtype=np.int32
-)  # places of the two slopes, x^2 - y^2, 2 x y and x^2 + y^2 among the terms
+DERIVATIVE_TERMS = np.arange(1, 6, dtype=np.int32)  # those of the two slopes, x^2 - y^2, 2 x y and x^2 + y^2
 Candidate = TypeVar("Candidate")
 
 

@@ -34,6 +34,7 @@ smoothing
 estimation
 feature_lines
 patch_surface
+inspection
 holes
 textures
 files

@@ -28,8 +28,9 @@ COMMANDS = {
     "compute_torsion_by_bezier_patch_per_vertex": "torsion",
     "compute_selection_by_bezier_crease_per_edge": "creases",
     "compute_texmap_by_bezier_patch": "bake",
+    "compute_deviation_by_bezier_patch_per_vertex": "compare",
 }
-OF_FILTERS_ALONE = {"ms", "onselected", "newfaceselected", "polylines", "textname"}
+OF_FILTERS_ALONE = {"ms", "onselected", "newfaceselected", "polylines", "textname", "refmesh"}
 KINDS = {
     "bool": bool,
     "int": int,
