@@ -30,6 +30,10 @@ from .inspection.deviating_regions import DeviatingRegion as DeviatingRegion
 from .inspection.deviation import Deviation as Deviation
 from .inspection.deviation import compare as compare
 from .inspection.deviation_status import DeviationStatus as DeviationStatus
+from .inspection.measures import Integrals as Integrals
+from .inspection.measures import PartMeasures as PartMeasures
+from .inspection.measures import SurfaceMeasures as SurfaceMeasures
+from .inspection.measures import measure as measure
 from .meshes.adjacency import Adjacency as Adjacency
 from .meshes.adjacency import Rows as Rows
 from .meshes.adjacency import vertex_adjacency as vertex_adjacency
@@ -52,6 +56,7 @@ from .meshlab.deviation_filter import (
     compute_deviation_by_bezier_patch_per_vertex as compute_deviation_by_bezier_patch_per_vertex,
 )
 from .meshlab.hole_filter import meshing_close_holes_by_bezier_patch as meshing_close_holes_by_bezier_patch
+from .meshlab.measure_filter import get_surface_measures_by_bezier_patch as get_surface_measures_by_bezier_patch
 from .meshlab.mesh_colors import color_by_quality as color_by_quality
 from .meshlab.mesh_colors import save_quality_map as save_quality_map
 from .meshlab.mesh_files import load_mesh as load_mesh

@@ -25,6 +25,7 @@ from bezier_filters.holes.loops import diameter
 from bezier_filters.holes.polygon_triangulation import triangulate_polygon
 from bezier_filters.holes.polyharmonic_fairing import polyharmonic_continuation
 from bezier_filters.inspection.deviation import compare
+from bezier_filters.inspection.measures import measure
 from bezier_filters.meshes.adjacency import Adjacency, Rows
 from bezier_filters.meshes.half_edges import faces_at_edges
 from bezier_filters.meshes.spatial_order import MIN_REORDER_VERTICES, has_locality
@@ -146,10 +147,11 @@ def _find_lines() -> None:
     find_creases(*block_with_sharp_edges(resolution=8))
 
 
-def _compare() -> None:
+def _inspect() -> None:
     ring = torus(resolution=12)
     for faces in (ring.faces, None):
         compare(ring.vertices, faces, *_torus_with_holes())
+    measure(ring.vertices, ring.faces, repeats=0)
 
 
 def _run_tiles() -> None:
@@ -200,7 +202,7 @@ STAGES: tuple[dict[str, Callable[[], None]], ...] = (
         "point clouds": _estimate_points,
         "estimates": _estimate_in_all_ways,
         "feature lines": _find_lines,
-        "deviations": _compare,
+        "inspection": _inspect,
         "tiles": _run_tiles,
         "rare cases": _run_rare_cases,
     },

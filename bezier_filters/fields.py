@@ -16,6 +16,7 @@ GRADE = PREFIX + "fit_grade"  # column of the grades of fits: see `FitStatus`
 # the filters that write fields, by their commands
 NORMALS, CURVATURE, TORSION, SMOOTH, CREASES = "normals", "curvature", "torsion", "smooth", "creases"
 BAKE = "bake"  # the command whose filter writes an image
+MEASURES = "measure"  # the command whose filter reports integrals over a surface
 DEVIATION = "compare"  # the command whose filter compares a mesh with a reference
 ESTIMATES = (NORMALS, CURVATURE, TORSION)  # filters whose fields are values of a `VertexGeometry`
 

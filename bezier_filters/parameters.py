@@ -19,6 +19,7 @@ from bezier_filters.fields import (
     CURVATURE,
     DEVIATION,
     ESTIMATES,
+    MEASURES,
     NORMALS,
     SMOOTH,
     TORSION,
@@ -254,6 +255,16 @@ refnoise : {LENGTH_TYPE}, optional
     Standard deviation of the noise of the reference, a length or a percentage; learned if left out, 0 for a model.
 """)
 
+INTEGRALS = parameters(f"""
+labels : str, optional
+    Attribute of faces or vertices whose integers are labels, or quality: each label is measured by itself.
+noise : {LENGTH_TYPE}, optional
+    Standard deviation of the noise, a length or a percentage of the diagonal of the bounding box; learned if left out.
+    It is measured along the normal.
+repeats : int, default 8
+    Number of fits with new noise for standard errors; 0 for none.
+""")
+
 
 def _quality(fields: dict[str, Field], default: str | None) -> Parameter:
     """The parameter that selects the field for the quality."""
@@ -293,6 +304,7 @@ PARAMETERS = {
     CREASES: (*LINES, *FIT, *RUN),
     BAKE: (*TEXTURE, *FIT, *RUN),
     DEVIATION: (QUALITY_OF[DEVIATION], *COMPARISON, *COLORS, *RUN),
+    MEASURES: (*INTEGRALS, *RUN),
 }
 _ESTIMATED = """\
 ms : pymeshlab.MeshSet

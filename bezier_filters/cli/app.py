@@ -296,6 +296,7 @@ _MINIMUM = {
     "maxholesize": 3,
     "noise": 0.0,
     "region": 1,
+    "repeats": 0,
     "minstrength": 0.0,
     "workers": 1,
     "tile_vertices": 256,

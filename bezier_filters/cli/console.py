@@ -316,6 +316,25 @@ def print_deviation(report: Report, source: str) -> None:
         out().print(f"  and {len(report['regions']) - MAX_LISTED_REGIONS:,} regions that are less significant")
 
 
+def print_measures(report: Report, source: str) -> None:
+    """Print integrals over a surface and its parts."""
+    out().print(f"[bold]{escape(source)}[/]")
+    for part in (report["whole"], *report["parts"]):
+        table = _table(padding=(0, 2, 0, 2))
+        for column in ("surface" if part["label"] is None else f"label {part['label']}", "value", "+-", "bias"):
+            table.add_column(column, justify="left" if column.startswith(("surface", "label")) else "right")
+        for name, value in part["values"].items():
+            if value is not None:
+                errors = [f"{part[kind][name]:.2g}" if part[kind] else "" for kind in ("std", "bias")]
+                table.add_row(name.replace("_", " "), f"{value:.6g}", *errors)
+        out().print(table)
+        if part["euler_characteristic"] is not None:
+            out().print(
+                f"  Euler characteristic {part['euler_characteristic']}, turning of the border {part['turning']:.4g}; "
+                f"Gauss-Bonnet holds to {part['gauss_bonnet_error']:.2g}"
+            )
+
+
 def print_statistics(report: Report, label: str) -> None:
     """Print statistics of a quality, if there are any."""
     if report["statistics"] is None:

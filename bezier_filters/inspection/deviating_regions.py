@@ -12,8 +12,8 @@ from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.unit_size import LENGTH
 
 FALSE_ALARM = 0.01  # probability that noise alone makes any region deviate
-# Regions around neighbouring vertices overlap. Regions with an overlap of a half in both directions of the surface are counted
-# as tests of their own.
+# Regions around neighbouring vertices overlap. Regions with an overlap of a half, in both directions of the surface,
+# count as independent tests.
 TESTS_PER_REGION = 4
 
 

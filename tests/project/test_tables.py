@@ -29,6 +29,7 @@ COMMANDS = {
     "compute_selection_by_bezier_crease_per_edge": "creases",
     "compute_texmap_by_bezier_patch": "bake",
     "compute_deviation_by_bezier_patch_per_vertex": "compare",
+    "get_surface_measures_by_bezier_patch": "measure",
 }
 OF_FILTERS_ALONE = {"ms", "onselected", "newfaceselected", "polylines", "textname", "refmesh"}
 KINDS = {
