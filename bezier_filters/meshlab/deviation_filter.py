@@ -3,6 +3,8 @@
 Written like the filters of fields of vertices: see `vertex_filters`.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, Report
@@ -51,9 +53,9 @@ def compute_deviation_by_bezier_patch_per_vertex(
 ) -> Report:
     """Compute the signed distance of the current mesh from the surface of another layer, with its significance.
 
-    Both layers must be in the same position: nothing is registered. The reference is the surface of the Bezier patches
-    fitted to its vertices; the current mesh, which may be a point cloud, is compared by its own patches or its points.
-    See `bezier_filters.compare`.
+    Both layers must be in the same position, as their transform matrices place them: nothing is registered. The
+    reference is the surface of the Bezier patches fitted to its vertices; the current mesh, which may be a point cloud,
+    is compared by its own patches or its points. See `bezier_filters.compare`.
 
     Vertices that cannot be compared have 0, are grey, and have a grade below 6 in ``bz_deviation_grade``. Nothing else
     in the MeshSet changes.
@@ -90,9 +92,10 @@ def compute_deviation_by_bezier_patch_per_vertex(
     >>> round(report["mean"], 3), report["share_within"], report["status"]
     (0.01, 1.0, {'OK': 642})
     """
+    given = read_current_mesh(ms)  # whose faults are reported first
     reference = _read_reference(ms, refmesh)
     if color and tolerance is not None:
-        half = TOLERANCES_SHOWN * (absolute_length(tolerance, read_current_mesh(ms).vertices, "tolerance") or 0.0)
+        half = TOLERANCES_SHOWN * (absolute_length(tolerance, given.vertices, "tolerance") or 0.0)
         colormap = TOLERANCE if colormap == AUTO and quality != "z" else colormap
         colorrange = (-half, half) if colorrange is None and quality != "z" else colorrange
     output = Output(quality, onselected, color, colormap, percentile, colorrange)
@@ -124,7 +127,7 @@ def compute_deviation_by_bezier_patch_per_vertex(
 
 
 def _read_reference(ms: MeshSet, layer: int | None) -> CurrentMesh:
-    """Read the reference, another layer than the current one, which stays current."""
+    """Read the reference, another layer, in the coordinates of the current one, which stays current."""
     own = current_mesh(ms).id()
     others = [mesh.id() for mesh in ms if mesh.id() != own]
     if layer is None and len(others) != 1:
@@ -140,16 +143,16 @@ def _read_reference(ms: MeshSet, layer: int | None) -> CurrentMesh:
     transform = np.array(current_mesh(ms).transform_matrix())
     ms.set_current_mesh(wanted)
     try:
-        if not np.array_equal(current_mesh(ms).transform_matrix(), transform):
-            raise BezierFilterError(
-                "the layers have different transform matrices, which are not applied to the coordinates; apply them "
-                "first, for example with apply_matrix_freeze"
-            )
         reference = read_current_mesh(ms)
+        transform = np.linalg.solve(transform, np.array(current_mesh(ms).transform_matrix()))
+    except np.linalg.LinAlgError as error:
+        raise BezierFilterError("the transform matrix of the current mesh has no inverse; reset it first") from error
     finally:
         ms.set_current_mesh(own)
     if not len(reference.faces):
         raise BezierFilterError("refmesh: the reference has no faces, and a surface is needed; it is a point cloud")
+    if not np.array_equal(transform, np.eye(4)):
+        reference = replace(reference, vertices=reference.vertices @ transform[:3, :3].T + transform[:3, 3])
     return reference
 
 

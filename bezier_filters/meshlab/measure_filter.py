@@ -15,6 +15,7 @@ from bezier_filters.meshlab.meshset import (
     Length,
     MeshSet,
     absolute_length,
+    check_unchanged,
     checks_filter_arguments,
     current_mesh,
     read_current_mesh,
@@ -91,6 +92,7 @@ def get_surface_measures_by_bezier_patch(
         )
     except (InvalidMeshError, InvalidParameterError) as error:
         raise BezierFilterError(str(error)) from error
+    check_unchanged(ms, mesh)
     remarks = []
     if found.noise is None:
         remarks.append("the noise could not be learned, so that there are no standard errors")

@@ -96,6 +96,7 @@ FUNCTIONS = [
     "meshing_replace_selection_by_bezier_patch",
     "meshing_bridge_holes_by_bezier_patch",
     "compute_texmap_by_bezier_patch",
+    "get_surface_measures_by_bezier_patch",
 ]
 UNCHECKED = {"progress", "colorrange", "percentile"}  # what is called; what counts only where there are colours
 
