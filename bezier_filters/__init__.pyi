@@ -26,6 +26,14 @@ from .holes.hole_report import HoleReport as HoleReport
 from .holes.selection_replacement import ReplacedPatch as ReplacedPatch
 from .holes.selection_replacement import ReplacementResult as ReplacementResult
 from .holes.selection_replacement import replace_selection as replace_selection
+from .inspection.deviating_regions import DeviatingRegion as DeviatingRegion
+from .inspection.deviation import Deviation as Deviation
+from .inspection.deviation import compare as compare
+from .inspection.deviation_status import DeviationStatus as DeviationStatus
+from .inspection.measures import Integrals as Integrals
+from .inspection.measures import PartMeasures as PartMeasures
+from .inspection.measures import SurfaceMeasures as SurfaceMeasures
+from .inspection.measures import measure as measure
 from .meshes.adjacency import Adjacency as Adjacency
 from .meshes.adjacency import Rows as Rows
 from .meshes.adjacency import vertex_adjacency as vertex_adjacency
@@ -44,10 +52,14 @@ from .meshlab.converters import to_trimesh as to_trimesh
 from .meshlab.crease_filter import (
     compute_selection_by_bezier_crease_per_edge as compute_selection_by_bezier_crease_per_edge,
 )
+from .meshlab.deviation_filter import (
+    compute_deviation_by_bezier_patch_per_vertex as compute_deviation_by_bezier_patch_per_vertex,
+)
 from .meshlab.hole_filter import meshing_close_holes_by_bezier_patch as meshing_close_holes_by_bezier_patch
 from .meshlab.line_filter import (
     generate_polyline_by_bezier_patch_direction as generate_polyline_by_bezier_patch_direction,
 )
+from .meshlab.measure_filter import get_surface_measures_by_bezier_patch as get_surface_measures_by_bezier_patch
 from .meshlab.mesh_colors import color_by_quality as color_by_quality
 from .meshlab.mesh_colors import save_quality_map as save_quality_map
 from .meshlab.mesh_files import load_mesh as load_mesh

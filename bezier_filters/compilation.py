@@ -24,6 +24,8 @@ from bezier_filters.holes.hole_filling import fill_holes
 from bezier_filters.holes.loops import diameter
 from bezier_filters.holes.polygon_triangulation import triangulate_polygon
 from bezier_filters.holes.polyharmonic_fairing import polyharmonic_continuation
+from bezier_filters.inspection.deviation import compare
+from bezier_filters.inspection.measures import measure
 from bezier_filters.meshes.adjacency import Adjacency, Rows
 from bezier_filters.meshes.half_edges import faces_at_edges
 from bezier_filters.meshes.spatial_order import MIN_REORDER_VERTICES, has_locality
@@ -165,6 +167,13 @@ def _trace_lines() -> None:
     trace_lines(fit_surface(ring.vertices, ring.faces), spacing=0.5)
 
 
+def _inspect() -> None:
+    ring = torus(resolution=12)
+    for faces in (ring.faces, None):
+        compare(ring.vertices, faces, *_torus_with_holes())
+    measure(ring.vertices, ring.faces, repeats=0)
+
+
 def _run_tiles() -> None:
     if importlib.util.find_spec("distributed") is None:  # without the extra `scale`
         return
@@ -216,6 +225,7 @@ STAGES: tuple[dict[str, Callable[[], None]], ...] = (
         "feature lines": _find_lines,
         "surfaces and lines on them": _trace_lines,
         "remeshing": _remesh,
+        "inspection": _inspect,
         "tiles": _run_tiles,
         "rare cases": _run_rare_cases,
     },

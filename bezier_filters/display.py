@@ -79,8 +79,8 @@ def round_limits(low: float, high: float) -> tuple[float, float]:
     return low, high
 
 
-# colours (red, green, blue), each channel in 0..1, from the lowest value to the highest, evenly spaced and linear in
-# between, by what users type in any case
+# colours (red, green, blue), each channel in 0..1, from the lowest value to the highest, at `palette_places` and linear
+# in between, by what users type in any case
 PALETTES = {
     # blue below zero, light grey at zero, red above: distinct with any kind of colour vision, and in every shadow
     "Cool Warm": ((0.23, 0.30, 0.75), (0.90, 0.90, 0.90), (0.75, 0.02, 0.15)),
@@ -88,7 +88,30 @@ PALETTES = {
     # medium, green low; of the curvatures (Figure 5): red is high, green medium, blue low.
     "Paper": ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)),
     "Paper Curvature": ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (1.0, 0.0, 0.0)),
+    # of inspection: green within the tolerance, which is the middle third, yellow to red above and cyan to blue below
+    "Tolerance": (
+        (0.10, 0.15, 0.65),
+        (0.35, 0.80, 0.95),
+        (0.35, 0.75, 0.35),
+        (0.35, 0.75, 0.35),
+        (1.00, 0.88, 0.25),
+        (0.75, 0.05, 0.10),
+    ),
 }
+TOLERANCE = "Tolerance"
+TOLERANCES_SHOWN = 3.0  # half of the range of these colours, in tolerances
+_STEP = 1e-6  # width of the steps at the tolerance, in ranges
+_PLACES = {TOLERANCE: (0.0, 1.0 / 3.0 - _STEP, 1.0 / 3.0, 2.0 / 3.0, 2.0 / 3.0 + _STEP, 1.0)}
+
+
+def palette_places(name: str) -> tuple[float, ...]:
+    """Places of the colours of a palette between the ends of the range, from 0 to 1.
+
+    >>> palette_places("Cool Warm")
+    (0.0, 0.5, 1.0)
+    """
+    count = len(PALETTES[name])
+    return _PLACES.get(name, tuple(k / (count - 1) for k in range(count)))
 
 
 def default_colormap(*, signed: bool) -> str:
@@ -110,7 +133,8 @@ def matplotlib_colormap(name: str, *, signed: bool = False) -> "Colormap":
     name = default_colormap(signed=signed) if name == AUTO else name
     for own, colors in PALETTES.items():
         if own.lower() == name.lower():
-            return LinearSegmentedColormap.from_list(own, list(colors), N=1024)
+            nodes = list(zip(palette_places(own), colors, strict=True))
+            return LinearSegmentedColormap.from_list(own, nodes, N=1024)
     known = {key.lower(): key for key in matplotlib.colormaps}
     return matplotlib.colormaps[name if name in matplotlib.colormaps else known[name.lower()]]
 

@@ -16,6 +16,8 @@ GRADE = PREFIX + "fit_grade"  # column of the grades of fits: see `FitStatus`
 # the filters that write fields, by their commands
 NORMALS, CURVATURE, TORSION, SMOOTH, CREASES = "normals", "curvature", "torsion", "smooth", "creases"
 BAKE = "bake"  # the command whose filter writes an image
+MEASURES = "measure"  # the command whose filter reports integrals over a surface
+DEVIATION = "compare"  # the command whose filter compares a mesh with a reference
 ESTIMATES = (NORMALS, CURVATURE, TORSION)  # filters whose fields are values of a `VertexGeometry`
 
 
@@ -165,6 +167,49 @@ FIELDS = (
         remark="0 where none was found, 1 at a ridge, -1 at a ravine, 2 and -2 at sharp edges of these kinds",
     ),
     Field("crease_strength", "strength of creases", "radii of curvature", (CREASES,), attribute=None),
+    Field(
+        "deviation",
+        "deviation",
+        "length",
+        (DEVIATION,),
+        signed=True,
+        quality="deviation",
+        attribute="distances",
+        remark="signed distance from the reference, positive on the side of its normals",
+    ),
+    Field("deviation_std", f"{_ERROR} deviation", "length", (DEVIATION,), attribute="distance_std"),
+    Field(
+        "deviation_z",
+        "deviation over its standard error",
+        "",
+        (DEVIATION,),
+        signed=True,
+        quality="z",
+        attribute="z_scores",
+        remark="0 where the noise could not be learned",
+    ),
+    Field(
+        "regional_deviation",
+        "regional mean deviation",
+        "length",
+        (DEVIATION,),
+        signed=True,
+        quality="regional",
+        attribute="regional_distances",
+        remark="mean over the vertices around it",
+    ),
+    Field(
+        "regional_deviation_std", f"{_ERROR} regional mean deviation", "length", (DEVIATION,), attribute="regional_std"
+    ),
+    Field(
+        "deviation_grade",
+        "grade of the comparison",
+        "",
+        (DEVIATION,),
+        attribute="grades",
+        integer=True,
+        remark="8 compared as asked, below 6 not at all, see `DeviationStatus`",
+    ),
 )
 
 

@@ -17,7 +17,9 @@ from bezier_filters.fields import (
     BAKE,
     CREASES,
     CURVATURE,
+    DEVIATION,
     ESTIMATES,
+    MEASURES,
     NORMALS,
     SMOOTH,
     TORSION,
@@ -281,6 +283,35 @@ noise : {LENGTH_TYPE}, optional
     It is measured along the normal.
 """)
 
+COMPARISON = parameters(f"""
+measured : {{"auto", "surface", "points"}}, default "auto"
+    What is compared: surface (the patches of the mesh), points (its vertices), or auto (points of a cloud alone).
+    A surface has averaged its noise, points have all of it.
+tolerance : {LENGTH_TYPE}, optional
+    Deviation that is allowed on either side, a length or a percentage of the diagonal of the bounding box.
+    The report has the share within it. The colours are then green within, yellow to red above it and cyan to blue
+    below, up to three times the tolerance, and grey where nothing was compared.
+maxdistance : {LENGTH_TYPE}, optional
+    Leave out vertices farther from the reference, a length or a percentage of the diagonal of the bounding box.
+region : int, default 200
+    Number of vertices over which deviations are averaged, to find shallow defects.
+noise : {LENGTH_TYPE}, optional
+    Standard deviation of the noise, a length or a percentage of the diagonal of the bounding box; learned if left out.
+    It is measured along the normal.
+refnoise : {LENGTH_TYPE}, optional
+    Standard deviation of the noise of the reference, a length or a percentage; learned if left out, 0 for a model.
+""")
+
+INTEGRALS = parameters(f"""
+labels : str, optional
+    Attribute of faces or vertices whose integers are labels, or quality: each label is measured by itself.
+noise : {LENGTH_TYPE}, optional
+    Standard deviation of the noise, a length or a percentage of the diagonal of the bounding box; learned if left out.
+    It is measured along the normal.
+repeats : int, default 8
+    Number of fits with new noise for standard errors; 0 for none.
+""")
+
 
 def _quality(fields: dict[str, Field], default: str | None) -> Parameter:
     """The parameter that selects the field for the quality."""
@@ -305,6 +336,7 @@ QUALITY_OF = {
     NORMALS: _quality(qualities(NORMALS), "angle"),
     CURVATURE: _quality(qualities(CURVATURE), "mean"),
     SMOOTH: _quality(qualities(SMOOTH), None),
+    DEVIATION: _quality(qualities(DEVIATION), "deviation"),
 }
 QUALITY_IN_TILES = _quality(result_qualities(CURVATURE), "mean")
 # of the filters by their commands, in the order of the commands' help
@@ -321,6 +353,8 @@ PARAMETERS = {
     CREASES: (*LINES, *FIT, *RUN),
     BAKE: (*TEXTURE, *FIT, *RUN),
     "lines": (*SURFACE_LINES, *RUN),
+    DEVIATION: (QUALITY_OF[DEVIATION], *COMPARISON, *COLORS, *RUN),
+    MEASURES: (*INTEGRALS, *RUN),
 }
 _ESTIMATED = """\
 ms : pymeshlab.MeshSet

@@ -298,6 +298,8 @@ _NAMES = {
     "texmap": "map",
     "maxerror": "max-error",
     "normalcurvature": "normal-curvature",
+    "maxdistance": "max-distance",
+    "refnoise": "reference-noise",
 }
 # least values that typer accepts
 _MINIMUM = {
@@ -305,6 +307,8 @@ _MINIMUM = {
     "iterations": 1,
     "maxholesize": 3,
     "noise": 0.0,
+    "region": 1,
+    "repeats": 0,
     "minstrength": 0.0,
     "workers": 1,
     "tile_vertices": 256,

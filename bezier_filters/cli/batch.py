@@ -19,6 +19,7 @@ from bezier_filters.cli import console, filters
 from bezier_filters.cli.app import Json, Quiet, app, choose_scheduler
 from bezier_filters.cli.reading import file_remarks
 from bezier_filters.errors import InvalidParameterError
+from bezier_filters.fields import DEVIATION, MEASURES
 from bezier_filters.parameters import PARAMETERS
 from bezier_filters.runtime.checksums import file_checksum
 from bezier_filters.runtime.supervision import EXIT_INCOMPLETE
@@ -26,7 +27,7 @@ from bezier_filters.runtime.supervision import EXIT_INCOMPLETE
 if TYPE_CHECKING:
     from bezier_filters.arrays import Report
 
-__all__ = ["Item", "batch", "filters", "plan", "run_command"]
+__all__ = ["Item", "batch", "command_line", "filters", "plan", "run_command"]
 
 # file in the folder of the results: a line of JSON per result, with path, checksum of the input, command and options
 RECORDS = ".bezier-filters-batch"
@@ -49,7 +50,8 @@ def batch(
     command: Annotated[
         str,
         typer.Argument(
-            help="normals, curvature, torsion, smooth, fill-holes, replace, bridge, subdivide, remesh, creases, lines.",
+            help="normals, curvature, torsion, smooth, fill-holes, replace, bridge, subdivide, remesh, creases, lines, "
+            "compare (whose reference comes first in the options).",
             metavar="COMMAND",
         ),
     ],
@@ -93,7 +95,7 @@ def batch(
     for index in todo:
         Path(items[index].output).parent.mkdir(parents=True, exist_ok=True)
     stamps = {index: _stamp(items[index].input) for index in todo}
-    work = [[command, *arguments, "--", *_absolute(items[index])] for index in todo]
+    work = [command_line(command, arguments, *_absolute(items[index])) for index in todo]
     if chosen is None:
         run = run_in_processes(run_command, work, processes=processes, threads=max(1, cores // processes))
     else:
@@ -162,6 +164,13 @@ def _stamp(path: str) -> tuple[int, int] | None:
     return None
 
 
+def command_line(command: str, options: list[str], source: str, target: str) -> list[str]:
+    """Arguments that run a command for one file; the first option of `compare` is its reference."""
+    if command == DEVIATION:
+        return [command, source, *options, f"--out={target}"]
+    return [command, *options, "--", source, target]
+
+
 def run_command(arguments: Sequence[str]) -> "Report":
     """Run a command line in this process and return its report."""
     printed = io.StringIO()
@@ -173,10 +182,14 @@ def run_command(arguments: Sequence[str]) -> "Report":
 
 def check_command(command: str, options: list[str]) -> None:
     """Refuse a command that does not run a filter, or options that it does not have."""
+    if command == MEASURES:
+        raise InvalidParameterError("command: got 'measure', which writes no files; run it with --json for each file")
     if command not in PARAMETERS:
-        raise InvalidParameterError(f"command: got {command!r}, expected one of {', '.join(PARAMETERS)}")
+        others = ", ".join(name for name in PARAMETERS if name != MEASURES)
+        raise InvalidParameterError(f"command: got {command!r}, expected one of {others}")
     group: Any = typer.main.get_command(app)
-    parsed = group.commands[command].make_context(command, ["input", "output", *options])
+    line = command_line(command, options, "input", "output")
+    parsed = group.commands[command].make_context(command, line[1:])
     for name in ("quiet", "json"):
         if parsed.params[name]:
             raise InvalidParameterError(f"options: got --{name}, which is an option of the batch itself")

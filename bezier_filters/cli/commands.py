@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from bezier_filters.cli import batch, console, filters, pictures, scale, textures
+from bezier_filters.cli import batch, console, filters, inspection, pictures, scale, textures
 from bezier_filters.cli.app import (
     Json,
     Overwrite,
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from bezier_filters.meshes.prepared_mesh import PreparedMesh
     from bezier_filters.meshlab.meshset import CurrentMesh
 
-__all__ = ["app", "batch", "filters", "pictures", "scale", "serve_command_line", "textures"]
+__all__ = ["app", "batch", "filters", "inspection", "pictures", "scale", "serve_command_line", "textures"]
 
 POLL_SECONDS = 0.25  # interval between checks; a file that is unchanged after one is complete
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from bezier_filters.display import noise_in_words, noise_level
 from bezier_filters.fields import CURVATURE, qualities
+from bezier_filters.inspection.deviation_status import DeviationStatus
 from bezier_filters.runtime.file_names import printable_path
 from bezier_filters.status import FitStatus
 
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from bezier_filters.runtime.parallel import Progress as ProgressCallback
 
 MAX_LISTED_HOLES = 20  # rows of the table of holes
+MAX_LISTED_REGIONS = 10  # regions that deviate
 FILLS = {
     "surface": "on the surface that continues the one around the hole",
     "creases": "smooth between sharp edges, which go on through the hole",
@@ -314,6 +316,51 @@ def print_lines(report: Report, source: str) -> None:
     )
 
 
+def print_deviation(report: Report, source: str) -> None:
+    """Print how far a mesh is from a reference."""
+    out().print(f"[bold]{escape(source)}[/]: {report['compared']:,} of {sum(report['status'].values()):,} compared")
+    for name, count in report["status"].items():
+        out().print(f"  {count:>9,}  {DeviationStatus[name].message} ({name})")
+    if not report["compared"]:
+        return
+    out().print(f"  mean {report['mean']:.4g}, rms {report['rms']:.4g} \\[length]")
+    for name in ("lowest", "highest"):
+        end = report[name]
+        place = ", ".join(f"{x:.4g}" for x in end["place"])
+        out().print(f"  {name} {end['deviation']:.4g} +- {end['std']:.2g} at ({place}), vertex {end['vertex']}")
+    if report["share_within"] is not None:
+        out().print(f"  {report['share_within']:.2%} within the tolerance of {report['tolerance']:.4g}")
+    if report["share_significant"] is not None:
+        out().print(f"  {report['share_significant']:.2%} beyond three standard errors; noise alone makes 0.27%")
+    for region in report["regions"][:MAX_LISTED_REGIONS]:
+        place = ", ".join(f"{x:.4g}" for x in region["place"])
+        out().print(
+            f"  region of {region['vertices']:,} vertices around ({place}): mean deviation {region['deviation']:.4g} "
+            f"+- {region['std']:.2g}, p = {region['p_value']:.1g}"
+        )
+    if len(report["regions"]) > MAX_LISTED_REGIONS:
+        out().print(f"  and {len(report['regions']) - MAX_LISTED_REGIONS:,} regions that are less significant")
+
+
+def print_measures(report: Report, source: str) -> None:
+    """Print integrals over a surface and its parts."""
+    out().print(f"[bold]{escape(source)}[/]")
+    for part in (report["whole"], *report["parts"]):
+        table = _table(padding=(0, 2, 0, 2))
+        for column in ("surface" if part["label"] is None else f"label {part['label']}", "value", "+-", "bias"):
+            table.add_column(column, justify="left" if column.startswith(("surface", "label")) else "right")
+        for name, value in part["values"].items():
+            if value is not None:
+                errors = [f"{part[kind][name]:.2g}" if part[kind] else "" for kind in ("std", "bias")]
+                table.add_row(name.replace("_", " "), f"{value:.6g}", *errors)
+        out().print(table)
+        if part["euler_characteristic"] is not None:
+            out().print(
+                f"  Euler characteristic {part['euler_characteristic']}, turning of the border {part['turning']:.4g}; "
+                f"Gauss-Bonnet holds to {part['gauss_bonnet_error']:.2g}"
+            )
+
+
 def print_statistics(report: Report, label: str) -> None:
     """Print statistics of a quality, if there are any."""
     if report["statistics"] is None:
@@ -362,6 +409,8 @@ def _numbers(report: Report) -> str:
         return f"{report['bridged_pairs']:,} pairs of holes joined, {report['open_pairs']:,} left open"
     if "replaced_patches" in report:
         return f"{report['replaced_patches']:,} patches replaced, {report['kept_patches']:,} left as they were"
+    if "compared" in report:
+        return f"deviation: rms {report['rms']:.4g}, {len(report['regions']):,} regions" if report["compared"] else ""
     if "texmap" in report:
         return f"{report['texmap']} map, {report['covered']:.0%} of {report['size']:,} x {report['size']:,} texels"
     if "noise_before" in report:

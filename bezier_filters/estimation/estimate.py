@@ -255,10 +255,11 @@ def _estimate(
 ) -> VertexGeometry:
     """Estimate the geometry at vertices that `select` chooses by the noise, None if unknown; fills `geometry`.
 
-    The fit is looked up, or chosen and stored, with the regions that the first fit shows.
+    The fit is looked up, or chosen and stored, with the regions that the first fit shows. The order of the vertices is
+    part of its key, because sums are rounded in that order.
     """
     is_cached = options.is_learned and given.vertex_count <= MAX_CACHED_VERTICES
-    key = cache_key(given.vertices, given.faces, outside, options) if is_cached else None
+    key = cache_key(given.vertices, given.faces, ordered.order, outside, options) if is_cached else None
     known, whole, measured = look_up_fit(key), None, source.mesh.vertices
     if known is None:
         fit, whole, source, noise_free = _choose(given, ordered, source, options)

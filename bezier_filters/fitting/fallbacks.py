@@ -64,7 +64,7 @@ class FitAttempt:
     max_flipped_fraction: float | None = None
     by_crossings: bool = False  # whether, if that is None, edges that cross in the plane make a fold, not faces
     # standard deviation of the heights, a length, for the standard errors of normal and curvatures; 0 for none
-    noise: tuple[float, float] = (0.0, 0.0)
+    noise: tuple[float, float, float] = (0.0, 0.0, 0.0)  # of normal, curvatures and height
     smooth_normals: bool = False  # whether planes and folds follow normals averaged over neighbours
     ignores_barriers: bool = False  # whether the neighbourhood may reach across sharp edges
     fewest_points: int = 0  # fewer points count as ill posed
@@ -128,7 +128,7 @@ def spec_chain(
             spec,
             mean_plane=True,
             max_flipped_fraction=MAX_FLIPPED_FRACTION,
-            noise=(spec.normal_noise, spec.curvature_noise),
+            noise=(spec.normal_noise, spec.curvature_noise, spec.height_noise),
             fewest_points=fewest,
         )
 
@@ -145,7 +145,8 @@ def spec_chain(
             FitStatus.WIDER_RING, ill_posed, narrowest + more, wider, fewest if more < MAX_EXTRA_RINGS else 0
         )
     for attempt in last_resorts(min(chosen.rings, 2)):
-        yield replace(attempt, noise=(chosen.normal_noise, chosen.curvature_noise), ignores_barriers=True)
+        noise = chosen.normal_noise, chosen.curvature_noise, chosen.height_noise
+        yield replace(attempt, noise=noise, ignores_barriers=True)
 
 
 def fit_with_fallbacks(
@@ -317,6 +318,7 @@ def kernel_fit(attempt: FitAttempt, *, robust: bool = False) -> KernelFit:
         smallest_pivot=smallest_pivot,
         normal_noise=attempt.noise[0],
         curvature_noise=attempt.noise[1],
+        height_noise=attempt.noise[2],
         weight_scale=weight_scale,
         weight_power=weight_power,
         rounds=ROBUST_ROUNDS if robust and fit not in (QUADRATIC, FLATTEST_QUADRATIC) else 0,

@@ -128,10 +128,12 @@ def _region_fit(whole: Leaf, leaf: Leaf, *, is_smoothed: bool = False) -> Surfac
     """Fit of a region: its own specification, or that of the whole if another fit is not worth its time."""
     before, spec, there = whole.chosen, leaf.chosen, predict_under_model(whole.chosen, leaf.surface)
     choice = FitChoice(spec.rings, spec.degree, None, leaf.surface.sigma)
-    ratios = np.inf, np.inf
+    ratios = np.inf, np.inf, np.inf
     # If the fit of the whole is exact, its standard errors are 0 and cannot be rescaled.
-    if there is not None and before.normal_noise > 0.0 and before.curvature_noise > 0.0:
-        ratios = there.normal_noise / before.normal_noise, there.curvature_noise / before.curvature_noise
+    if there is not None and min(before.normal_noise, before.curvature_noise, before.height_noise) > 0.0:
+        names = ("normal_noise", "curvature_noise", "height_noise")
+        of_normal, of_curvature, of_height = (getattr(there, name) / getattr(before, name) for name in names)
+        ratios = of_normal, of_curvature, of_height
         if there.error <= spec.error * (1.0 + (spec.cost - spec.overhead) / there.cost) ** COST_EXPONENT:
             choice = replace(choice, rings=there.rings, degree=there.degree)
             return SurfaceFit(choice, (), error_ratios=ratios)
@@ -192,7 +194,10 @@ def _fit_again(
         errors = geometry.normal_std[rows] * geometry.mean_curvature_std[rows]
         is_worse = (
             errors
-            > MAX_ERROR_INCREASE**2 * np.prod(part.error_ratios) * before["normal_std"] * before["mean_curvature_std"]
+            > MAX_ERROR_INCREASE**2
+            * np.prod(part.error_ratios[:2])
+            * before["normal_std"]
+            * before["mean_curvature_std"]
         )
     for name, values in arrays_of(geometry).items():
         values[rows[is_worse]] = before[name][is_worse]
@@ -211,12 +216,18 @@ def _region_numbers(parts: Tree[SurfaceFit], geometry: VertexGeometry, origin: I
 
 
 def _rescale_errors(
-    mesh: KernelMesh, ids: IntArray, geometry: VertexGeometry, of_normal: float, of_curvature: float
+    mesh: KernelMesh,
+    ids: IntArray,
+    geometry: VertexGeometry,
+    of_normal: float,
+    of_curvature: float,
+    of_height: float,
 ) -> None:
     """Rescale the standard errors of vertices to those of the same fit under another model."""
     rows, of_both = mesh.origin[ids], (geometry.mean_curvature_std, geometry.gaussian_curvature_std)
-    for errors in (geometry.normal_std, *((geometry.height_std,) if isinstance(geometry, PatchGeometry) else ())):
-        errors[rows] *= of_normal
+    geometry.normal_std[rows] *= of_normal
+    if isinstance(geometry, PatchGeometry):
+        geometry.height_std[rows] *= of_height
     for errors in of_both:
         errors[rows] *= of_curvature
     if of_curvature > 1.0:

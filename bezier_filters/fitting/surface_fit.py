@@ -38,8 +38,9 @@ class SurfaceFit:
     cleaned: bool = False  # whether outliers are moved onto the surface around them first
     with_barriers: bool = True  # whether neighbourhoods end at the sharp edges of the mesh: for tiles
     regions: "Tree[SurfaceFit] | None" = None  # fits of the regions, by the features of the first fit
-    # factors on the standard errors of normal and curvatures where a region keeps the first fit; infinite if unknown
-    error_ratios: tuple[float, float] = (1.0, 1.0)
+    # factors on the standard errors of normal, curvatures and height where a region keeps the first fit; infinite if
+    # unknown
+    error_ratios: tuple[float, float, float] = (1.0, 1.0, 1.0)
 
 
 def choose_fit(source: Neighbourhoods, options: FitOptions) -> tuple[SurfaceFit, Leaf | None]:

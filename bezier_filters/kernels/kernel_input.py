@@ -141,6 +141,7 @@ class KernelFit(NamedTuple):
     smallest_pivot: float
     normal_noise: float  # standard deviation of the heights; 0 for no standard errors
     curvature_noise: float
+    height_noise: float
     weight_scale: float  # points weigh 1 / (1 + (scale distance^2)^power); 0 for equal weights
     weight_power: int
     rounds: int  # of reweighting by residuals; 0 for none

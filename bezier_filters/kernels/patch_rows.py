@@ -21,7 +21,8 @@ def row_length(total_degree: int) -> int:
 def height_errors(fit: KernelFit, work: FitWorkspace) -> None:
     """Write the standard errors of the heights at the vertices to `work.total`, from the factor that gave the fit.
 
-    As in `standard_errors`, the variance is sigma^2 |L^-1 g|^2, here with the monomials g at the vertex.
+    As in `standard_errors`, the variance is sigma^2 |L^-1 g|^2, here with the monomials g at the vertex
+    and the noise of heights.
     """
     matrix, order = work.matrix, fit.exponents.shape[0]
     last, total = order * (order + 1) // 2, broadcast(0.0)
@@ -35,7 +36,7 @@ def height_errors(fit: KernelFit, work: FitWorkspace) -> None:
     substitute_forward(matrix, order, order, 0)
     for k in range(order):
         total = multiply_add(load(matrix, last + k), load(matrix, last + k), total)
-    store(work.total, 0, broadcast(fit.normal_noise) * square_root(total))
+    store(work.total, 0, broadcast(fit.height_noise) * square_root(total))
 
 
 @inner_jit()

@@ -1,13 +1,14 @@
 """Vertex colours from quality, with high values red or bright, and colour maps as files for MeshLab."""
 
 import os
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 
 from bezier_filters.arguments import brief_repr, check_value, path_of
 from bezier_filters.arrays import FloatArray
-from bezier_filters.display import AUTO, PALETTES, default_colormap
+from bezier_filters.display import AUTO, PALETTES, default_colormap, palette_places
 from bezier_filters.errors import InvalidParameterError, is_real
 from bezier_filters.meshlab.meshset import BezierFilterError, Mesh, MeshSet, current_mesh
 from bezier_filters.runtime.atomic import atomic_write, temporary_folder
@@ -59,7 +60,8 @@ def color_by_quality(ms: MeshSet, low: float, high: float, colormap: str = AUTO)
     colormap : str
         A colour map of pymeshlab, in any case: RGB, Viridis, Plasma, Cividis, Turbo, RdPu, Meshlab RGB, French RGB,
         Red Scale, Green Scale, Blue Scale, Grey Scale, Flat, Saw 4 or Saw 8; or one of ours: Cool Warm, from blue
-        over grey to red, Paper, from green over blue to red, or Paper Curvature, from blue over green to red.
+        over grey to red, Paper, from green over blue to red, Paper Curvature, from blue over green to red, or
+        Tolerance, green in the middle third of the range, yellow to red above and cyan to blue below.
         ``"auto"`` is Cool Warm for a range that is symmetric about 0, else Viridis; both are distinct with any kind
         of colour vision. High values are red or bright, unlike in pymeshlab, whose RGB and French RGB have red low.
         RdPu ends in dark purple, as in other programs; Flat is a single grey, Saw 4 and Saw 8 are 4 and 8 ramps from
@@ -104,7 +106,7 @@ def _apply(ms: MeshSet, color_map: str, low: float, high: float) -> None:
     if color_map in PALETTES:
         with temporary_folder() as folder:
             path = str(folder / "palette.qmap")
-            _write_quality_map(path, np.array(PALETTES[color_map]), low, high)
+            _write_quality_map(path, palette_places(color_map), np.array(PALETTES[color_map]), low, high)
             ms.compute_color_from_scalar_using_transfer_function_per_vertex(
                 **ends, tfslist="Custom Transfer Function File", csvfilename=path
             )
@@ -149,9 +151,11 @@ def save_quality_map(path: str | os.PathLike[str], low: float, high: float, colo
     _check_ends(low, high)
     color_map = find_color_map(colormap, signed=low == -high)
     check_limits(low, high)
-    colors = np.array(PALETTES[color_map]) if color_map in PALETTES else _sample_colormap(color_map)
+    is_ours = color_map in PALETTES
+    colors = np.array(PALETTES[color_map]) if is_ours else _sample_colormap(color_map)
+    places = palette_places(color_map) if is_ours else np.linspace(0.0, 1.0, len(colors))
     with atomic_write(path) as temporary:
-        _write_quality_map(temporary, colors, low, high)
+        _write_quality_map(temporary, places, colors, low, high)
 
 
 def _sample_colormap(color_map: str) -> FloatArray:
@@ -162,11 +166,12 @@ def _sample_colormap(color_map: str) -> FloatArray:
     return np.asarray(current_mesh(ms).vertex_color_matrix()[:, :3])
 
 
-def _write_quality_map(path: str | os.PathLike[str], colors: FloatArray, low: float, high: float) -> None:
+def _write_quality_map(
+    path: str | os.PathLike[str], places: Iterable[float], colors: FloatArray, low: float, high: float
+) -> None:
     """Write the nodes of the three channels, each x;y;, then lowest value, middle, highest value and brightness."""
-    places = np.linspace(0.0, 1.0, len(colors))
     lines = ["// COLOR BAND FILE STRUCTURE: nodes x;y; of the red, the green and the blue channel"]
-    lines += ["".join(f"{x:.6g};{y:.6g};" for x, y in zip(places, channel, strict=True)) for channel in colors.T]
+    lines += ["".join(f"{x:.9g};{y:.6g};" for x, y in zip(places, channel, strict=True)) for channel in colors.T]
     lines += [
         "// EQUALIZER SETTINGS: lowest quality; middle; highest quality; brightness",
         f"{low:.9g};0.5;{high:.9g};1;",

@@ -18,8 +18,10 @@ from bezier_filters.errors import InvalidScriptError
 from bezier_filters.files.filter_scripts import ScriptStep
 from bezier_filters.meshlab.bridge_filter import meshing_bridge_holes_by_bezier_patch
 from bezier_filters.meshlab.crease_filter import compute_selection_by_bezier_crease_per_edge
+from bezier_filters.meshlab.deviation_filter import compute_deviation_by_bezier_patch_per_vertex
 from bezier_filters.meshlab.hole_filter import meshing_close_holes_by_bezier_patch
 from bezier_filters.meshlab.line_filter import generate_polyline_by_bezier_patch_direction
+from bezier_filters.meshlab.measure_filter import get_surface_measures_by_bezier_patch
 from bezier_filters.meshlab.meshset import (
     BezierFilterError,
     BoundingBox,
@@ -57,6 +59,8 @@ FILTERS: tuple[Callable[..., Report], ...] = (
     compute_texmap_by_bezier_patch,
     meshing_surface_subdivision_by_bezier_patch,
     meshing_remeshing_by_bezier_patch,
+    compute_deviation_by_bezier_patch_per_vertex,
+    get_surface_measures_by_bezier_patch,
 )
 OURS = {function.__name__: function for function in FILTERS}
 

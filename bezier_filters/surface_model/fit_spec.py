@@ -13,7 +13,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from bezier_filters.arrays import FloatArray
+from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.patches.harmonics import harmonic_basis
 from bezier_filters.patches.polynomials import PolynomialSpace, total_degree_space
 from bezier_filters.sampling.ring_analysis import FREE_DEGREE
@@ -47,7 +47,8 @@ MIN_ERROR_RISE, MIN_ERROR_DROP = 1.05, 1.5
 WEIGHTED_RINGS = 4
 # of the largest entry of the normal equations: makes singular ones solvable, whose errors are then huge
 NORMAL_EQUATION_RIDGE = 1e-14
-DERIVATIVE_TERMS = np.arange(1, 6)  # places of the two slopes, x^2 - y^2, 2 x y and x^2 + y^2 among the terms
+HEIGHT_TERM = np.arange(1, dtype=np.int32)  # place of the constant among the terms
+DERIVATIVE_TERMS = np.arange(1, 6, dtype=np.int32)  # those of the two slopes, x^2 - y^2, 2 x y and x^2 + y^2
 Candidate = TypeVar("Candidate")
 
 
@@ -69,6 +70,7 @@ class FitSpec:
     # of these errors on average
     normal_noise: float = 0.0
     curvature_noise: float = 0.0
+    height_noise: float = 0.0  # the same for the height of the patch
     overhead: float = 0.0  # time per vertex that does not depend on the specification
     quartic: float = 0.0  # factor of a `QuarticMean` about which the terms of degree 4 vary
 
@@ -140,19 +142,26 @@ def mean_squared_errors(equations: FitEquations, variances: FloatArray) -> tuple
 
     `variances` (M,) are the variances of the terms, length^2.
     """
-    wanted = np.eye(equations.normal_matrices.shape[1])[:, DERIVATIVE_TERMS]  # the matrices are symmetric
-    inverse_rows = np.linalg.solve(equations.normal_matrices, wanted).transpose(0, 2, 1)
-    transfer = inverse_rows @ equations.products
-    transfer[:, np.arange(len(DERIVATIVE_TERMS)), DERIVATIVE_TERMS] -= 1.0
-    passed = ((inverse_rows @ equations.noise) * inverse_rows).sum(axis=2)
-    mean = (passed + np.square(transfer) @ variances).mean(axis=0)
+    mean = _term_errors(equations, variances, DERIVATIVE_TERMS)
     return float(mean[:2].sum()), float(mean[2:].sum())
 
 
-def posterior_variances(equations: FitEquations) -> tuple[float, float]:
-    """Posterior variances of the slopes and of the second-degree coefficients for heights of unit noise."""
-    covariance = np.linalg.inv(equations.normal_matrices)[:, DERIVATIVE_TERMS, DERIVATIVE_TERMS].mean(axis=0)
-    return float(covariance[:2].sum()), float(covariance[2:].sum())
+def _term_errors(equations: FitEquations, variances: FloatArray, terms: IntArray) -> FloatArray:
+    """Mean squared errors of some terms, (k,), as in `mean_squared_errors`."""
+    wanted = np.eye(equations.normal_matrices.shape[1])[:, terms]  # the matrices are symmetric
+    inverse_rows = np.linalg.solve(equations.normal_matrices, wanted).transpose(0, 2, 1)
+    transfer = inverse_rows @ equations.products
+    transfer[:, np.arange(len(terms)), terms] -= 1.0
+    passed = ((inverse_rows @ equations.noise) * inverse_rows).sum(axis=2)
+    result: FloatArray = (passed + np.square(transfer) @ variances).mean(axis=0)
+    return result
+
+
+def posterior_variances(equations: FitEquations) -> tuple[float, float, float]:
+    """Posterior variances of slopes, second-degree coefficients and height, for heights of unit noise."""
+    covariance = np.linalg.inv(equations.normal_matrices).mean(axis=0)
+    derivatives = covariance[DERIVATIVE_TERMS, DERIVATIVE_TERMS]
+    return float(derivatives[:2].sum()), float(derivatives[2:].sum()), float(covariance[0, 0])
 
 
 def select_specs(specs: Sequence[FitSpec], options: FitOptions) -> list[FitSpec]:
@@ -348,7 +357,10 @@ def _calibrate_noise(ring: RingModel, spec: FitSpec) -> FitSpec:
     if ring.noise.model.sills:
         equations = replace(equations, noise=LONG_WAVE_INFLATION * equations.noise)
     variances = ring.quartic.variances(ring.upper_variances, spec.quartic, upper=True)
-    expected, stated = mean_squared_errors(equations, variances), posterior_variances(equations)
+    (height,) = _term_errors(equations, variances, HEIGHT_TERM)
+    expected, stated = (*mean_squared_errors(equations, variances), height), posterior_variances(equations)
     with np.errstate(invalid="ignore", divide="ignore"):
-        normal, curvature = (float(np.nan_to_num(np.sqrt(e / s))) for e, s in zip(expected, stated, strict=True))
-    return replace(spec, normal_noise=normal, curvature_noise=curvature)
+        normal, curvature, height = (
+            float(np.nan_to_num(np.sqrt(e / s))) for e, s in zip(expected, stated, strict=True)
+        )
+    return replace(spec, normal_noise=normal, curvature_noise=curvature, height_noise=height)

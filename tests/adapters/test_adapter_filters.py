@@ -31,8 +31,8 @@ SHAPE = torus(resolution=16)
 
 
 def test_every_filter_has_an_adapter():
-    """But for filters that need selected faces, numbers of holes or texture coordinates, or that make another mesh."""
-    others = ("replace", "bridge", "bake", "subdivide", "remesh", "lines")
+    """But for filters that need selections, holes, texture coordinates or a second mesh, make meshes, or write none."""
+    others = ("replace", "bridge", "bake", "subdivide", "remesh", "lines", "compare", "measure")
     assert list(LABELS) == [name for name in PARAMETERS if name not in others]
 
 

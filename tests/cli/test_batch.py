@@ -17,8 +17,9 @@ from command_line import in_this_process, run
 
 from bezier_filters import read_fields
 from bezier_filters.cli.app import app
-from bezier_filters.cli.batch import RECORDS, Item, run_command, summarize
+from bezier_filters.cli.batch import RECORDS, Item, check_command, command_line, run_command, summarize
 from bezier_filters.cli.console import print_batch
+from bezier_filters.errors import InvalidParameterError
 from bezier_filters.meshlab.mesh_files import save_mesh
 from bezier_filters.parameters import PARAMETERS
 from bezier_filters.runtime import worker_processes
@@ -152,12 +153,13 @@ REMARKS = {
     "creases": "21 lines, 60 sharp edges",
     "bake": "curvature map, 81% of 64 x 64 texels",
     "lines": "0 lines, 0 umbilics; look at: there are no lines",
+    "compare": "deviation: rms ",
 }
-OPTIONS = {"replace": ["--where", "fi == 0"], "bake": ["--size", "64"]}
+OPTIONS = {"replace": ["--where", "fi == 0"], "bake": ["--size", "64"], "compare": [str(SAMPLES / "block.ply")]}
 SUFFIXES = {"bake": (".obj", ".png")}  # of the input, with texture coordinates, and of the output
 
 
-@pytest.mark.parametrize("command", PARAMETERS)
+@pytest.mark.parametrize("command", REMARKS)
 def test_every_command_does_what_it_does_for_one_file(command, tmp_path, capsys):
     """A cube without one of its octants has 21 edges, here of two or four edges of the mesh."""
     vertices, faces = block_with_sharp_edges(resolution=4)
@@ -169,12 +171,21 @@ def test_every_command_does_what_it_does_for_one_file(command, tmp_path, capsys)
         str(tmp_path / name) for name in (f"a block{before}", f"of batch{after}", f"alone{after}")
     )
     save_mesh(ms, source)
-    report = run_command([command, source, of_batch, *OPTIONS.get(command, [])])
-    app([command, source, alone, *OPTIONS.get(command, [])], standalone_mode=False)
+    report = run_command(command_line(command, OPTIONS.get(command, []), source, of_batch))
+    app(command_line(command, OPTIONS.get(command, []), source, alone), standalone_mode=False)
     assert Path(of_batch).read_bytes() == Path(alone).read_bytes()
     capsys.readouterr()
     print_batch(summarize(command, [Item(source, of_batch, "done", 1.0, report=report)], 1.0))
     assert REMARKS[command] in capsys.readouterr().out
+
+
+def test_every_filter_that_writes_files_is_tried():
+    assert {*REMARKS} == {*PARAMETERS} - {"measure"}
+
+
+def test_measure_is_refused():
+    with pytest.raises(InvalidParameterError, match="writes no files; run it with --json"):
+        check_command("measure", [])
 
 
 def test_lines_of_many_files(tmp_path, without_processes):

@@ -134,7 +134,7 @@ def test_a_scan_with_detail_as_long_as_its_noise_keeps_its_fit(deleted, turned, 
     assert difference < moved * np.abs(full.mean_curvature[kept]).sum()
 
 
-@pytest.mark.parametrize("exact", ["normal_noise", "curvature_noise"])
+@pytest.mark.parametrize("exact", ["normal_noise", "curvature_noise", "height_noise"])
 def test_parts_of_a_surface_that_is_exact_elsewhere_have_fits_of_their_own(exact):
     """Standard errors of 0, as a flat whole has, are no unit for those of a part."""
     surface = bumpy_star(resolution=12, jitter=0.2)

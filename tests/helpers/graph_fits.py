@@ -16,7 +16,7 @@ from bezier_filters.meshes.frames import TangentPlanes
 from bezier_filters.runtime.lanes import LANES, lane_array
 
 
-def fit_over_plane_z(x, y, z, fit, rings, ids=None, noise=(0.0, 0.0)):
+def fit_over_plane_z(x, y, z, fit, rings, ids=None, noise=(0.0, 0.0, 0.0)):
     """Fit the patches of a mesh over the plane z = 0, whatever its face normals are."""
     mesh = triangle_mesh(np.column_stack([x, y, z]), Delaunay(np.column_stack([x, y])).simplices)
     adjacency = vertex_adjacency(mesh)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from bezier_filters import PatchFit
 
-STEP, SIGMA = 1e-5, (0.3, 0.7)  # of the heights, as far as they concern the normal, and the curvatures
+STEP, SIGMA = 1e-5, (0.3, 0.7, 0.0)  # of the heights, as far as they concern the normal, the curvatures, and position
 
 
 def fitted(x, y, z, degree):

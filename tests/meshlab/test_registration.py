@@ -61,6 +61,9 @@ class TestMethods:
         method, applied, called = star(), star(), star()
         for ms in (method, applied, called):
             ms.compute_texcoord_by_function_per_vertex(u="x", v="y")
+            if "refmesh" in inspect.signature(function).parameters:
+                mesh = ms.current_mesh()
+                ms.add_mesh(pymeshlab.Mesh(mesh.vertex_matrix(), mesh.face_matrix()), set_as_current=False)
         name = function.__name__
         given = {"condselect": "fi == 700"} if "condselect" in inspect.signature(function).parameters else {}
         reports = [getattr(method, name)(**given), applied.apply_filter(name, **given), function(called, **given)]

@@ -260,3 +260,17 @@ def test_sheets_that_meet_in_one_edge_stay_flat():
 def test_points_beyond_all_coordinates_are_refused(ring_surface):
     with pytest.raises(InvalidParameterError, match="up to 1e"):
         ring_surface.query([[1e160, 0.0, 0.0]])
+
+
+@pytest.mark.parametrize("level", [0.1, 0.2])
+@pytest.mark.parametrize("make", [torus, ellipsoid], ids=lambda make: make.__name__)
+def test_standard_errors_of_positions_are_those_of_the_errors(make, level):
+    """With the scale of the errors of normals, they would be .73 of what is stated on the ellipsoid."""
+    body = make(resolution=20, jitter=0.3)
+    exact = fit_surface(body.vertices, body.faces, noise=0.0)
+    scores = []
+    for seed in range(4):
+        geometry = fit_surface(add_noise(body, level, seed), body.faces).geometry
+        positions = add_noise(body, level, seed) + geometry.displacements
+        scores.append(exact.query(positions).distances / geometry.height_std)
+    assert 0.8 < rms(scores) < 1.1

@@ -36,6 +36,7 @@ feature_lines
 patch_surface
 surface_lines
 remeshing
+inspection
 holes
 textures
 files

@@ -81,7 +81,8 @@ def prepared(tmp_path_factory):
     (script,) = XML.findall((ROOT / "docs" / "scripts.md").read_text(encoding="utf-8"))
     for name in ("repair.mlx", "steps.mlx"):
         (folder / name).write_text(script, encoding="utf-8")
-    for name in ("clean.ply", "closed.ply", "bunny.ply", "my_scan.ply", "statue.ply"):
+    copies = "clean closed bunny my_scan statue reference model earlier"
+    for name in (f"{stem}.ply" for stem in copies.split()):
         shutil.copy(folder / "scan.ply", folder / name)
     ms = pymeshlab.MeshSet()
     ms.load_new_mesh(str(folder / "scan.ply"))

@@ -31,8 +31,10 @@ COMMANDS = {
     "compute_selection_by_bezier_crease_per_edge": "creases",
     "compute_texmap_by_bezier_patch": "bake",
     "generate_polyline_by_bezier_patch_direction": "lines",
+    "compute_deviation_by_bezier_patch_per_vertex": "compare",
+    "get_surface_measures_by_bezier_patch": "measure",
 }
-OF_FILTERS_ALONE = {"ms", "onselected", "newfaceselected", "polylines", "textname"}
+OF_FILTERS_ALONE = {"ms", "onselected", "newfaceselected", "polylines", "textname", "refmesh"}
 KINDS = {
     "bool": bool,
     "int": int,

@@ -101,6 +101,7 @@ FUNCTIONS = [
     "compute_texmap_by_bezier_patch",
     "meshing_surface_subdivision_by_bezier_patch",
     "meshing_remeshing_by_bezier_patch",
+    "get_surface_measures_by_bezier_patch",
 ]
 UNCHECKED = {"progress", "colorrange", "percentile"}  # what is called; what counts only where there are colours
 

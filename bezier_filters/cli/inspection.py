@@ -1,0 +1,144 @@
+"""The commands that measure meshes: against a reference, and their surfaces."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+import bezier_filters as bf  # which loads what it has when it is used
+from bezier_filters.cli import console
+from bezier_filters.cli.app import (
+    Json,
+    Overwrite,
+    Quiet,
+    Skip,
+    Source,
+    app,
+    check_target,
+    end_with_remarks,
+    examples,
+    options,
+    parse_path,
+    pipe_callback,
+)
+from bezier_filters.fields import DEVIATION, MEASURES, qualities
+from bezier_filters.parameters import PARAMETERS
+from bezier_filters.runtime.file_names import printable_name, printable_path, user_path
+
+if TYPE_CHECKING:
+    from bezier_filters.arrays import Report
+
+Output = Annotated[
+    Path | None,
+    typer.Option(
+        "--out",
+        "-o",
+        help="Mesh to write with the deviations, or - for the standard output. PLY, VTP, VTU and NPZ keep all fields.",
+        metavar="OUTPUT",
+        parser=parse_path,
+        callback=pipe_callback(".ply"),
+    ),
+]
+
+
+@app.command(
+    epilog=examples(
+        "compare scan.ply model.ply -o deviation.ply --tolerance 0.05 --reference-noise 0",
+        "compare scan.ply earlier.ply -o deviation.ply --picture deviation.png",
+        "compare points.ply model.ply --json",
+    )
+)
+@options(*PARAMETERS[DEVIATION])
+def compare(
+    source: Source,
+    reference: Annotated[
+        Path, typer.Argument(help="Mesh whose surface is the reference.", metavar="REFERENCE", parser=parse_path)
+    ],
+    *,
+    target: Output = None,
+    picture: Annotated[
+        Path | None, typer.Option(help="Picture with the mesh, its colours and a histogram.", metavar="PICTURE.png")
+    ] = None,
+    view: Annotated[
+        list[str] | None, typer.Option(help="View of the picture: front, back, left, ...; may be repeated.")
+    ] = None,
+    skip: Skip = False,
+    overwrite: Overwrite = False,
+    quiet: Quiet = False,
+    json: Json = False,
+    **given: Any,
+) -> None:
+    """Compare a mesh or point cloud with the surface of a reference mesh: signed distances and what of them is noise.
+
+    Both must be in the same position: nothing is registered. The distance is that of the fitted surface of the mesh
+    from the fitted surface of the reference, positive outside, with a standard error from the noise of both. Shallow
+    defects, lower than the noise, show in means over regions. Colours are green within the tolerance.
+    """
+    from bezier_filters.meshlab.meshset import Mesh, read_current_mesh
+    from bezier_filters.meshlab.save_formats import format_of
+    from bezier_filters.pictures.render import check_picture
+
+    files = [source, reference]
+    for path in filter(None, (target, picture)):
+        check_target(path, *files, overwrite=overwrite)
+    if target is not None:
+        format_of(target)
+    if picture is not None:
+        check_picture(picture)
+    with console.stages(quiet=quiet or json) as stage:
+        stage(f"reading {printable_name(reference)}")
+        loaded = read_current_mesh(bf.load_mesh(reference, skip=skip))
+        stage(f"reading {printable_name(source)}")
+        ms = bf.load_mesh(source, skip=skip)
+        ms.add_mesh(Mesh(loaded.vertices, loaded.faces), "reference", set_as_current=False)
+        given["color"] |= target is not None
+        progress = stage(f"comparing {printable_name(source)}")
+        report = bf.compute_deviation_by_bezier_patch_per_vertex(ms, progress=progress, **given)
+        remarks: Sequence[str] = ()
+        if target is not None:
+            stage(f"writing {printable_name(target)}")
+            remarks = bf.save_mesh(ms, target, compact=True)
+        if picture is not None:
+            from bezier_filters.pictures.deviation_picture import deviation_panel
+
+            stage(f"drawing {printable_name(picture)}")
+            bf.render_panels(picture, [deviation_panel(ms, report)], views=view or ["front", "back"])
+    if json:
+        paths = {"input": source, "reference": reference, "output": target, "picture": picture}
+        console.print_json({name: path and user_path(path) for name, path in paths.items()} | report)
+    elif not quiet:
+        _print(report, source, target, picture)
+    for remark in remarks:
+        console.err().print(f"note: {printable_name(target or source)} is {remark}", markup=False)
+    end_with_remarks(printable_path(target or source), report)
+
+
+def _print(report: "Report", source: Path, target: Path | None, picture: Path | None) -> None:
+    console.print_deviation(report, printable_path(source))
+    if report["statistics"]:
+        console.print_statistics(report, qualities(DEVIATION)[report["quality"]].label)
+    if target is not None:
+        console.print_written(report, printable_path(target))
+    if picture is not None:
+        console.out().print(f"wrote [bold]{console.escape(printable_path(picture))}[/]")
+
+
+@app.command(epilog=examples("measure scan.ply", "measure scan.ply --repeats 0 --json"))
+@options(*PARAMETERS[MEASURES])
+def measure(source: Source, *, skip: Skip = False, quiet: Quiet = False, json: Json = False, **given: Any) -> None:
+    """Measure area, volume, total curvatures and bending energies of the surface that is fitted to a mesh.
+
+    Standard errors and biases come from fits with new noise of the learned strength. The theorem of Gauss and Bonnet
+    checks the total Gaussian curvature.
+    """
+    with console.stages(quiet=quiet or json) as stage:
+        stage(f"reading {printable_name(source)}")
+        ms = bf.load_mesh(source, skip=skip)
+        progress = stage(f"measuring {printable_name(source)}")
+        report = bf.get_surface_measures_by_bezier_patch(ms, progress=progress, **given)
+    if json:
+        console.print_json({"input": user_path(source), **report})
+    elif not quiet:
+        console.print_measures(report, printable_path(source))
+    end_with_remarks(printable_path(source), report)

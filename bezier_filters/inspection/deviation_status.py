@@ -1,0 +1,40 @@
+"""How a vertex was compared with a reference surface."""
+
+from enum import IntEnum
+
+
+class DeviationStatus(IntEnum):
+    """How the deviation of one vertex was found, from the best (0) to the worst.
+
+    Codes up to `ON_FACE` come with a deviation; the others have the fill value 0. As with `FitStatus`, meshes and files
+    hold the `grade`, which is 0 for vertices that other programs add.
+
+    >>> DeviationStatus.PAST_BORDER.message
+    'past the border of the reference, which is the nearest place'
+    >>> DeviationStatus.OK.grade, DeviationStatus.SKIPPED.grade
+    (8, 0)
+    """
+
+    OK = 0, "patch against patch, or measured point against patch as asked"
+    POINT = 1, "the measured point, where its mesh has no patch"
+    ON_FACE = 2, "against a face of the reference, which has no patch there"
+    PAST_BORDER = 3, "past the border of the reference, which is the nearest place"
+    OPPOSITE = 4, "the nearest place of the reference faces the other way, as the other side of a wall does"
+    TOO_FAR = 5, "farther from the reference than the largest distance asked for"
+    NOT_CONVERGED = 6, "no nearest place was found"
+    ISOLATED = 7, "no normal: in no face with an area"
+    SKIPPED = 8, "not selected, or added by another program"
+
+    message: str
+
+    def __new__(cls, code: int, message: str) -> "DeviationStatus":
+        """Make a member of a code and its message."""
+        member = int.__new__(cls, code)
+        member._value_ = code
+        member.message = message
+        return member
+
+    @property
+    def grade(self) -> int:
+        """Number of this outcome in the column ``bz_deviation_grade``; higher is better."""
+        return DeviationStatus.SKIPPED - self
