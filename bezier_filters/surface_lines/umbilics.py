@@ -79,6 +79,7 @@ def find_umbilics(surface: Surface) -> tuple[Umbilic, ...]:
     points = sums[kept] / np.bincount(names, counts, count)[kept, np.newaxis]
     found = surface.query(np.ldexp(points, surface.exponent))
     order = np.argsort(-total[kept], kind="stable")
+    order = order[found.normals[order].any(axis=1)]  # faces without an area have no normal, and no tangent plane
     radii = np.ldexp(np.sqrt(area[kept] / np.pi), surface.exponent)
     return tuple(
         Umbilic(found.points[k], found.normals[k], round(2.0 * total[kept[k]]) / 2.0, float(radii[k])) for k in order
