@@ -220,13 +220,35 @@ def test_wrong_places_are_refused(ring_surface):
         ring_surface.evaluate([-1], [[0.2, 0.2]])
 
 
+def test_coordinates_outside_by_rounding_are_on_the_edge(ring_surface):
+    found = ring_surface.evaluate([0, 0, 0], [[-1e-17, 0.5], [0.5, 0.5 + 1e-13], [0.0, 0.5]])
+    assert found.coordinates.min() == 0.0
+    assert found.coordinates.sum(axis=1).max() <= 1.0
+    np.testing.assert_array_equal(found.points[0], found.points[2])
+    with pytest.raises(InvalidParameterError, match="row 1"):
+        ring_surface.evaluate([0, 0], [[0.0, 0.5], [-1e-6, 0.5]])
+
+
+def test_a_pair_is_refused_with_the_remedy(ring):
+    with pytest.raises(InvalidMeshError, match=r"f\(vertices, faces\)"):
+        fit_surface((ring.vertices, ring.faces))
+
+
+def test_the_row_of_a_missing_point_is_named(ring, ring_surface):
+    points = ring.vertices.copy()
+    points[7, 1] = np.nan
+    with pytest.raises(InvalidParameterError, match=r"points: 1 of .* row 7"):
+        ring_surface.query(points)
+
+
 def test_a_cloud_is_refused():
     with pytest.raises(InvalidMeshError, match="needs a surface"):
         fit_surface(np.random.default_rng(0).standard_normal((50, 3)))
 
 
 def test_no_points_give_no_places(ring_surface):
-    assert len(ring_surface.query(np.zeros((0, 3))).points) == 0
+    assert len(ring_surface.query(np.zeros((0, 3))).points) == len(ring_surface.query([]).points) == 0
+    assert ring_surface.evaluate([], []).points.shape == (0, 3)
 
 
 @pytest.mark.parametrize("offset", [1e4, 5e6])
