@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bezier_filters.arguments import brief_repr, real_array
-from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.arrays import FloatArray, IntArray, unique_rows
 from bezier_filters.differential_geometry import DerivedCurvatures
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
 from bezier_filters.estimation.estimate import estimate_patches, estimate_vertex_geometry
@@ -63,8 +63,9 @@ class SurfacePoints(DerivedCurvatures):
         Barycentric coordinates of the second and third corner of the face.
     outcome : (q,) int32
         0 for the nearest place; 1 where that is on a border or sharp edge, so that the query is not over it; 2 where
-        Newton's method did not converge; 3 where the face has no patches, or they fold, and the place is on the face; 4
-        where no face has an area.
+        none was found, as noise turns faces over: the place is on the surface, and a nearer one may exist, by a tenth
+        of an edge mostly; 3 where the face has no patches, or they fold, and the place is on the face; 4 where no face
+        has an area.
     mean_curvature, gaussian_curvature, geodesic_torsion : (q,) float64
         Derived from `k_min` and `k_max`.
     """
@@ -239,7 +240,7 @@ def fit_surface(
     Raises
     ------
     InvalidMeshError
-        If the arrays are not a mesh with faces and finite coordinates.
+        If the arrays are not a mesh with faces and finite coordinates, or faces are doubled.
     InvalidParameterError
         If a parameter is out of range.
     CancelledError
@@ -258,6 +259,7 @@ def fit_surface(
     mesh = prepare_mesh(triangle_mesh(np.ldexp(real_array(vertices), -exponent) if exponent else vertices, faces))
     if not mesh.face_count:
         raise InvalidMeshError("faces: got none; a surface needs a mesh, not a point cloud")
+    _refuse_duplicates(mesh)
     check_noise(noise)
     options = FitOptions(noise=None if noise is None else float(np.ldexp(noise, -exponent)))
     geometry = estimate_vertex_geometry(mesh.vertices, mesh.faces, noise=options.noise, progress=progress)
@@ -310,6 +312,16 @@ def surface_at(
     (True, True)
     """
     return fit_surface(vertices, faces, noise=noise, threads=threads, progress=progress).query(points, threads=threads)
+
+
+def _refuse_duplicates(mesh: PreparedMesh) -> None:
+    """Refuse faces on the same vertices: their edges have three faces, which would cut the surface all around them."""
+    count = mesh.face_count - len(unique_rows(np.sort(mesh.faces, axis=1))[0])
+    if count:
+        raise InvalidMeshError(
+            f"faces: {count:,} lie on others with the same three vertices, in either orientation; remove them, as "
+            "meshing_remove_duplicate_faces of pymeshlab does"
+        )
 
 
 def _has_shared_residuals(mesh: PreparedMesh, geometry: VertexGeometry) -> bool:

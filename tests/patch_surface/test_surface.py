@@ -220,6 +220,19 @@ def test_wrong_places_are_refused(ring_surface):
         ring_surface.evaluate([-1], [[0.2, 0.2]])
 
 
+def test_places_are_found_where_noise_turns_faces_over():
+    """Noise of half an edge in all directions turns a quarter of the faces; their edges are no nearest places."""
+    ring, rng = torus(resolution=30), np.random.default_rng(0)
+    edge = np.linalg.norm(np.diff(ring.vertices[ring.faces[:, :2]], axis=1), axis=2).mean()
+    surface = fit_surface(ring.vertices + 0.5 * edge * rng.standard_normal(ring.vertices.shape), ring.faces)
+    points = ring.vertices[ring.faces].mean(axis=1)
+    there = surface.query(points)
+    assert (there.outcome == ON_SURFACE).mean() > 0.98
+    offsets = points - there.points
+    along = np.einsum("ij,ij->i", offsets, there.normals)[:, np.newaxis] * there.normals
+    assert np.abs((offsets - along)[there.outcome == ON_SURFACE]).max() < 1e-4 * edge
+
+
 def test_coordinates_outside_by_rounding_are_on_the_edge(ring_surface):
     found = ring_surface.evaluate([0, 0, 0], [[-1e-17, 0.5], [0.5, 0.5 + 1e-13], [0.0, 0.5]])
     assert found.coordinates.min() == 0.0
@@ -239,6 +252,13 @@ def test_the_row_of_a_missing_point_is_named(ring, ring_surface):
     points[7, 1] = np.nan
     with pytest.raises(InvalidParameterError, match=r"points: 1 of .* row 7"):
         ring_surface.query(points)
+
+
+@pytest.mark.parametrize("turn", [1, -1])
+def test_doubled_faces_are_counted(turn):
+    ball = sphere(resolution=6)
+    with pytest.raises(InvalidMeshError, match="40 lie on others"):
+        fit_surface(ball.vertices, np.vstack([ball.faces, ball.faces[:40, ::turn]]))
 
 
 def test_a_cloud_is_refused():
