@@ -74,6 +74,7 @@ def takes_meshes(function: Callable[Parameters, Result]) -> Callable[Parameters,
                 f"vertices: got a {type(first).__name__}, expected an array of shape (n, 3) or a mesh object; "
                 "`vertices, faces = bezier_filters.mesh_arrays(...)` reads files"
             )
+        _refuse_pair(first)
         if not is_mesh_object(first):
             return checks(*args, **options)
         rest, faces = args[1:], options.pop("faces", None)
@@ -85,6 +86,22 @@ def takes_meshes(function: Callable[Parameters, Result]) -> Callable[Parameters,
         return cast("Result", unwrapped(*arrays_of_object(first), *rest, **options))
 
     return wrapper
+
+
+def _refuse_pair(first: object) -> None:
+    """Refuse a pair of two tables, vertices and faces, in place of vertices."""
+    if isinstance(first, tuple | list) and len(first) == 2 and all(_is_table(part) for part in first):
+        raise InvalidMeshError(
+            f"vertices: got a {type(first).__name__} of two arrays, expected vertices and faces as two arguments: "
+            "f(vertices, faces), or f(*pair)"
+        )
+
+
+def _is_table(value: object) -> bool:
+    try:
+        return np.ndim(cast("ArrayLike", value)) == 2
+    except ValueError:  # rows of different lengths
+        return False
 
 
 def _are_faces(value: object) -> bool:

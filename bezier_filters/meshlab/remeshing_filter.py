@@ -18,7 +18,7 @@ from bezier_filters.meshlab.meshset import (
 from bezier_filters.meshlab.subdivision_filter import read_face_selection
 from bezier_filters.meshlab.topology import topology_of
 from bezier_filters.parameters import complete_docstring
-from bezier_filters.remeshing.remeshing import remesh
+from bezier_filters.remeshing.remeshing import RemeshingResult, remesh
 from bezier_filters.runtime.compile_time import clock_without_compilation
 from bezier_filters.runtime.parallel import Progress
 
@@ -113,6 +113,13 @@ def meshing_remeshing_by_bezier_patch(
         "topology_before": dict(before.counts),
         "topology_after": dict(after.counts),
         "warnings": [],
-        "remarks": before.remarks,
+        "remarks": [*before.remarks, *([] if result.has_requested_vertices else [_few_vertices(vertexcount, result)])],
         "seconds": {"read": start - begin, "fit": fitted - start, "write": written - fitted},
     }
+
+
+def _few_vertices(wanted: int | None, result: RemeshingResult) -> str:
+    return (
+        f"vertexcount: {wanted:,} vertices were asked for, and the mesh has {len(result.vertices):,}: larger triangles "
+        "would not follow the surface, or its sharp edges and borders"
+    )

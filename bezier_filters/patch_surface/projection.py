@@ -30,6 +30,7 @@ PROJECTION_ACCURACY = (
     1e-8  # least step in barycentric coordinates and sizes of the face; errors of distances: its square
 )
 ON_EDGE = 1e-14  # barycentric coordinate up to which a place is on an edge: rounding errors
+NEIGHBOUR_PATHS = 39  # from a face across one edge, two or three; two leave three times as many queries
 MIN_NEWTON_RATIO = 1e-3  # least determinant of Newton's matrix over that of its positive part
 TANGENTS, RATES, WORK_SIZE = SIZE, SIZE + 6, SIZE + 8  # columns of the scratch array of a thread
 # Outcomes of a query, see `PlaceStatus`
@@ -102,8 +103,35 @@ def project_points(
             places.outcome[q] = NO_PLACE
             continue
         f, a, b, outcome = descend(surface, guess, place[COORDINATE_1], place[COORDINATE_2], x, y, z, work)
+        if outcome == NOT_CONVERGED:
+            f, a, b, outcome = _descend_from_neighbours(surface, guess, f, a, b, x, y, z, work)
         places.outcome[q] = outcome
         write_place(surface, f, a, b, work, q, places)
+
+
+@inner_jit()
+def _descend_from_neighbours(
+    surface: SurfaceArrays, start: int, f: int, a: float, b: float, x: float, y: float, z: float, work: FloatArray
+) -> tuple[int, float, float, int]:
+    """Nearest of the places reached from faces around the first one, or else place (a, b) of face f, not converged.
+
+    Where noise turns faces over, the surface over them runs back, and paths end at the edge where it turns.
+    """
+    least, found_f, found_a, found_b, found = np.inf, f, a, b, NOT_CONVERGED
+    for path in range(NEIGHBOUR_PATHS):
+        face, rest = start, path
+        while rest >= 0 and face >= 0:  # digits of the path are edges
+            face, rest = surface.neighbours[face, rest % 3], rest // 3 - 1
+        if face < 0:
+            continue
+        f, a, b, outcome = descend(surface, face, 1.0 / 3.0, 1.0 / 3.0, x, y, z, work)
+        squared = (x - work[X]) ** 2 + (y - work[X + 1]) ** 2 + (z - work[X + 2]) ** 2
+        if outcome == ON_SURFACE and squared < least:
+            least, found_f, found_a, found_b, found = squared, f, a, b, outcome
+    # for what follows from the position
+    if not place_on_surface(surface, found_f, found_a, found_b, work):
+        found = ON_FACE
+    return found_f, found_a, found_b, found
 
 
 @inner_jit()
@@ -148,18 +176,19 @@ def descend(
                 previous = f
                 f, a, b = _enter(surface, f, other, a, b)
                 continue
+            at_border = other < 0
             # along the edge, from corner edge + 1 to the next
             u1 = -1.0 if edge == 0 else 0.0 if edge == 1 else 1.0
             u2 = 1.0 if edge == 0 else -1.0 if edge == 1 else 0.0
             along = (g1 * u1 + g2 * u2) / (h11 * u1 * u1 + 2.0 * h12 * u1 * u2 + h22 * u2 * u2)
             if max(abs(along), rise) < PROJECTION_ACCURACY:
-                return f, a, b, ON_SURFACE if other >= 0 else AT_BORDER
+                return f, a, b, AT_BORDER if other < 0 else NOT_CONVERGED
             step_a, step_b = along * u1, along * u2
             second = _edge_left(a, b, step_a, step_b, edge)
             if second >= 0:
                 other = surface.neighbours[f, (second + 1) % 3]
                 if other < 0 or other == previous:
-                    return f, a, b, AT_BORDER
+                    return f, a, b, AT_BORDER if other < 0 or at_border else NOT_CONVERGED
                 previous = f
                 f, a, b = _enter(surface, f, other, a, b)
                 continue

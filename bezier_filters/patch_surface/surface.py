@@ -6,8 +6,8 @@ from typing import cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bezier_filters.arguments import real_array
-from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.arguments import brief_repr, real_array
+from bezier_filters.arrays import FloatArray, IntArray, unique_rows
 from bezier_filters.differential_geometry import DerivedCurvatures
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
 from bezier_filters.estimation.estimate import estimate_patches, estimate_vertex_geometry
@@ -18,7 +18,7 @@ from bezier_filters.fitting.vertex_geometry import VertexGeometry
 from bezier_filters.kernels.kernel_input import PATCH_DEGREE, PATCH_ORIGIN, PATCH_SQUARE
 from bezier_filters.meshes.box_tree import BoxTree, morton_order
 from bezier_filters.meshes.half_edges import distinct_edges, half_edge_twins
-from bezier_filters.meshes.mesh import MAX_COORDINATE, TriangleMesh, takes_meshes, triangle_mesh
+from bezier_filters.meshes.mesh import TriangleMesh, takes_meshes, triangle_mesh
 from bezier_filters.meshes.mesh_objects import MeshLike
 from bezier_filters.meshes.prepared_mesh import PreparedMesh, prepare_mesh
 from bezier_filters.meshes.unit_size import CURVATURE, LENGTH, SQUARED_CURVATURE, rescale, size_exponent
@@ -26,8 +26,9 @@ from bezier_filters.patch_surface.blending import SurfaceArrays
 from bezier_filters.patch_surface.cut_mesh import CutMesh, cut_mesh
 from bezier_filters.patch_surface.nearest_face import face_tree
 from bezier_filters.patch_surface.projection import NO_PLACE, Places, evaluation_task, projection_task
+from bezier_filters.patch_surface.query_arguments import check_places, check_points
 from bezier_filters.runtime.cached_property import cached_property
-from bezier_filters.runtime.parallel import Progress, run_in_chunks, runs_on_threads, use_threads
+from bezier_filters.runtime.parallel import Progress, run_in_chunks, runs_on_threads
 from bezier_filters.surface_model.fit_options import FitOptions, check_noise
 
 # Correlation of residuals at neighbours above which they are no noise. White noise leaves -0.3 to 0; without noise,
@@ -62,8 +63,9 @@ class SurfacePoints(DerivedCurvatures):
         Barycentric coordinates of the second and third corner of the face.
     outcome : (q,) int32
         0 for the nearest place; 1 where that is on a border or sharp edge, so that the query is not over it; 2 where
-        Newton's method did not converge; 3 where the face has no patches, or they fold, and the place is on the face; 4
-        where no face has an area.
+        none was found, as noise turns faces over: the place is on the surface, and a nearer one may exist, by a tenth
+        of an edge mostly; 3 where the face has no patches, or they fold, and the place is on the face; 4 where no face
+        has an area.
     mean_curvature, gaussian_curvature, geodesic_torsion : (q,) float64
         Derived from `k_min` and `k_max`.
     """
@@ -108,28 +110,22 @@ class Surface:
     geometry: PatchGeometry
     exponent: int = 0
 
+    @runs_on_threads
     def query(
         self, points: ArrayLike, *, threads: int | None = None, progress: Progress | None = None
     ) -> SurfacePoints:
         """Find the nearest places on the surface to points (q, 3); see `surface_at`."""
-        try:
-            queries = real_array(points)
-        except (TypeError, ValueError) as error:
-            raise InvalidParameterError(f"points: expected real numbers of shape (q, 3); {error}") from None
-        if queries.ndim != 2 or queries.shape[1] != 3 or not np.isfinite(queries).all():
-            raise InvalidParameterError(f"points: got shape {queries.shape}, expected finite numbers of shape (q, 3)")
-        if np.abs(queries).max(initial=0.0) > MAX_COORDINATE:
-            raise InvalidParameterError(f"points: expected coordinates up to {MAX_COORDINATE:g}, as of vertices")
-        queries, places = np.ldexp(queries, -self.exponent), empty_places(len(queries))
+        queries = np.ldexp(check_points(points), -self.exponent)
+        places = empty_places(len(queries))
         order = morton_order(queries)  # points that are near each other need the same patches
-        with use_threads(threads):
-            run_in_chunks(
-                lambda: projection_task(self.arrays, self.tree, queries, order, places), len(queries), progress=progress
-            )
+        run_in_chunks(
+            lambda: projection_task(self.arrays, self.tree, queries, order, places), len(queries), progress=progress
+        )
         offsets = queries - places.points
         sides = np.where(np.einsum("ij,ij->i", offsets, places.normals) < 0.0, -1.0, 1.0)
         return self._result(places, sides * np.linalg.norm(offsets, axis=1))
 
+    @runs_on_threads
     def evaluate(
         self,
         faces: ArrayLike,
@@ -145,19 +141,15 @@ class Surface:
         faces : (q,) array_like of int
             Faces of the mesh.
         coordinates : (q, 2) array_like of float
-            Barycentric coordinates of the second and third corners, at least 0 and at most 1 in total.
+            Barycentric coordinates of the second and third corners, at least 0 and at most 1 in total, but for
+            rounding of 1e-12.
         threads, progress
             As in `estimate_vertex_geometry`.
         """
-        rows, where = np.asarray(faces), real_array(coordinates)
-        if where.shape != (len(rows), 2) or not (where >= 0.0).all() or not (where.sum(axis=1) <= 1.0 + 1e-12).all():
-            raise InvalidParameterError("coordinates: expected two numbers for each face, from 0 to 1 in total")
-        if len(rows) and not (rows.dtype.kind in "iu" and rows.min() >= 0 and rows.max() < len(self.mesh.faces)):
-            raise InvalidParameterError(f"faces: expected integers from 0 to {len(self.mesh.faces) - 1}")
+        rows, where = check_places(faces, coordinates, len(self.mesh.faces))
         places = empty_places(len(rows))
         places.face[:], places.coordinates[:] = rows, where
-        with use_threads(threads):
-            run_in_chunks(lambda: evaluation_task(self.arrays, places), len(rows), progress=progress)
+        run_in_chunks(lambda: evaluation_task(self.arrays, places), len(rows), progress=progress)
         return self._result(places, np.zeros(len(rows)))
 
     @cached_property
@@ -248,7 +240,7 @@ def fit_surface(
     Raises
     ------
     InvalidMeshError
-        If the arrays are not a mesh with faces and finite coordinates.
+        If the arrays are not a mesh with faces and finite coordinates, or faces are doubled.
     InvalidParameterError
         If a parameter is out of range.
     CancelledError
@@ -267,6 +259,7 @@ def fit_surface(
     mesh = prepare_mesh(triangle_mesh(np.ldexp(real_array(vertices), -exponent) if exponent else vertices, faces))
     if not mesh.face_count:
         raise InvalidMeshError("faces: got none; a surface needs a mesh, not a point cloud")
+    _refuse_duplicates(mesh)
     check_noise(noise)
     options = FitOptions(noise=None if noise is None else float(np.ldexp(noise, -exponent)))
     geometry = estimate_vertex_geometry(mesh.vertices, mesh.faces, noise=options.noise, progress=progress)
@@ -321,6 +314,16 @@ def surface_at(
     return fit_surface(vertices, faces, noise=noise, threads=threads, progress=progress).query(points, threads=threads)
 
 
+def _refuse_duplicates(mesh: PreparedMesh) -> None:
+    """Refuse faces on the same vertices: their edges have three faces, which would cut the surface all around them."""
+    count = mesh.face_count - len(unique_rows(np.sort(mesh.faces, axis=1))[0])
+    if count:
+        raise InvalidMeshError(
+            f"faces: {count:,} lie on others with the same three vertices, in either orientation; remove them, as "
+            "meshing_remove_duplicate_faces of pymeshlab does"
+        )
+
+
 def _has_shared_residuals(mesh: PreparedMesh, geometry: VertexGeometry) -> bool:
     """Whether the little noise that was found is the error of the patches: their residuals at neighbours agree."""
     sigma = geometry.noise_sigma
@@ -361,3 +364,11 @@ def empty_places(count: int) -> Places:
         np.zeros((count, 4)),
         np.full(count, NO_PLACE, dtype=np.int8),
     )
+
+
+def check_surface(surface: object) -> None:
+    """Refuse what is no `Surface`."""
+    if not isinstance(surface, Surface):
+        raise InvalidParameterError(
+            f"surface: got {brief_repr(surface)}, expected a Surface; make it with fit_surface(vertices, faces)"
+        )

@@ -4,7 +4,7 @@
 after it has moved, and curves that are kept.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -13,13 +13,7 @@ from bezier_filters.errors import InvalidParameterError
 from bezier_filters.meshes.triangles import area_vectors
 from bezier_filters.patch_surface.surface import Surface, SurfacePoints
 from bezier_filters.remeshing.edge_lengths import LONG, SHORT, Sizing
-from bezier_filters.remeshing.edge_operations import (
-    collapse_edges,
-    flip_edges,
-    independent,
-    may_collapse,
-    stars,
-)
+from bezier_filters.remeshing.edge_operations import choose_collapses, collapse_edges, flip_edges
 from bezier_filters.remeshing.edge_splitting import face_edges, nest_faces, split_edges
 from bezier_filters.remeshing.kept_curves import (
     CurveEdges,
@@ -28,17 +22,20 @@ from bezier_filters.remeshing.kept_curves import (
     merge_ends,
     relax_along,
 )
+from bezier_filters.remeshing.step_progress import StepProgress
 from bezier_filters.remeshing.surface_places import check_places
 
 FREE, ON_CURVE, FIXED = 0, 1, 2  # how a vertex may move
 # Most faces after splitting, for each old one and for each that the area has room for: jittered and graded meshes have
 # 2 at most. Doubled or halved, only the errors for meshes with single huge faces or needles come later or earlier.
 MAX_FACE_GROWTH = 16
+STEPS = 3  # of an iteration, for its progress: splits, collapses, and relaxation after flips
 MAX_SPLITS = 3  # of edges in one iteration, before others become relaxed
 MAX_OPERATION_PASSES = 10  # of collapses, or flips, that do not touch the same faces
 MIN_PROGRESS = 500  # vertices for each collapse of a pass from which there is another pass
 RELAXATION = 0.8  # part of the way to the mean of the neighbours
 INNER_VALENCE, BORDER_VALENCE = 6, 4
+VERTEX_ARRAYS = ("points", "kind", "place_face", "place", "normals", "curvature", "old", "lengths")
 
 
 @dataclass
@@ -56,7 +53,12 @@ class WorkingMesh:
     normals: FloatArray  # (n, 3): of the surface; of faces on curves
     curvature: FloatArray  # (n,): largest absolute one
     old: IntArray  # (n,): old vertex that each is, -1 for new ones
+    progress: StepProgress
     lengths: FloatArray = field(default_factory=lambda: np.zeros(0))  # (n,): wanted ones of edges
+
+    def copy(self) -> "WorkingMesh":
+        """The same mesh with arrays of its own."""
+        return replace(self, **{name: getattr(self, name).copy() for name in ("faces", *VERTEX_ARRAYS)})
 
     def keys(self, ends: IntArray) -> IntArray:
         """Numbers of edges (e, 2)."""
@@ -106,11 +108,9 @@ class WorkingMesh:
             a, b = ends.T  # a goes into b
             free = self.kind[b] == FREE
             goal = np.where(free[:, np.newaxis], 0.5 * (self.points[a] + self.points[b]), self.points[b])
-            around = stars(self.faces, n, ends)
             longest = LONG * np.minimum(self.lengths[a], self.lengths[b])
-            allowed = may_collapse(self.points, self.faces, ends, goal, longest, around)
-            chosen = self._independent(ends[allowed])
-            ends, goal = ends[allowed][chosen], goal[allowed][chosen]
+            chosen = choose_collapses(self.points, self.normals, self.faces, ends, goal, longest)
+            ends, goal = ends[chosen], goal[chosen]
             if not len(ends):
                 return
             target = np.arange(n, dtype=np.int32)
@@ -124,9 +124,8 @@ class WorkingMesh:
 
     def flip(self, valences: IntArray) -> None:
         """Flip edges for better numbers of neighbours."""
-        kept = np.sort(self.keys(self.curves.ends))
         for _ in range(MAX_OPERATION_PASSES):
-            self.faces, count = flip_edges(self.points, self.faces, kept, valences)
+            self.faces, count = flip_edges(self.points, self.faces, self.curves.ends, valences)
             if not count:
                 return
 
@@ -148,12 +147,12 @@ class WorkingMesh:
         self.curves = relax_along(self.curves, self.kind == ON_CURVE, RELAXATION)
         self.project()
 
-    def project(self) -> None:
-        """Find the places on the surface of free vertices, and those of vertices on curves."""
-        free = np.flatnonzero(self.kind == FREE).astype(np.int32)
-        self._write(free, self.surface.query(self.points[free]))
+    def project(self, first: int = 0) -> None:
+        """Find the places on the surface of free vertices, and those of vertices on curves, from the first one on."""
+        free = (first + np.flatnonzero(self.kind[first:] == FREE)).astype(np.int32)
+        self._write(free, self.surface.query(self.points[free], progress=self.progress.within))
         starts = self.curves.ends[:, 0]
-        rows = np.flatnonzero(self.kind[starts] == ON_CURVE)
+        rows = np.flatnonzero((self.kind[starts] == ON_CURVE) & (starts >= first))
         vertex = starts[rows]
         found = self.curve_places.find(self.curves.chain[rows], self.curves.interval[rows, 0])
         self.points[vertex], self.place_face[vertex], self.place[vertex], self.curvature[vertex] = found
@@ -175,10 +174,6 @@ class WorkingMesh:
     def _are_frozen(self, of_curve: IntArray) -> BoolArray:
         return np.asarray(np.append(self.curves.frozen, False)[of_curve])
 
-    def _independent(self, ends: IntArray) -> BoolArray:
-        size = np.linalg.norm(self.points[ends[:, 0]] - self.points[ends[:, 1]], axis=1)
-        return independent(stars(self.faces, len(self.points), ends), size, len(self.faces))
-
     def _append(self, points: FloatArray, kind: IntArray) -> None:
         k = len(points)
         self.points = np.vstack([self.points, points])
@@ -188,7 +183,7 @@ class WorkingMesh:
         self.normals = np.vstack([self.normals, np.zeros((k, 3))])
         self.curvature = np.concatenate([self.curvature, np.zeros(k)])
         self.old = np.concatenate([self.old, np.full(k, -1, np.int32)])
-        self.project()
+        self.project(len(self.points) - k)  # the others have not moved
 
     def drop_unused(self) -> None:
         """Drop vertices without faces that are not fixed."""
@@ -200,7 +195,7 @@ class WorkingMesh:
         self.curves = CurveEdges(
             number[self.curves.ends].astype(np.int32), self.curves.chain, self.curves.interval, self.curves.frozen
         )
-        for name in ("points", "kind", "place_face", "place", "normals", "curvature", "old", "lengths"):
+        for name in VERTEX_ARRAYS:
             setattr(self, name, getattr(self, name)[used])
 
 
@@ -223,10 +218,13 @@ def remesh_surface(mesh: WorkingMesh, sizing: Sizing, iterations: int) -> None:
                     "mesh has room for: its faces are needles, or far from the surface; repair it, or give a length"
                 )
         mesh.lengths = sizing(mesh.points, mesh.faces, mesh.curvature)
+        mesh.progress.advance()
         mesh.collapse_short()
+        mesh.progress.advance()
         mesh.flip(_valences(mesh))
         mesh.lengths = sizing(mesh.points, mesh.faces, mesh.curvature)
         mesh.relax()
+        mesh.progress.advance(STEPS - 2)
 
 
 def _valences(mesh: WorkingMesh) -> IntArray:

@@ -1,6 +1,6 @@
 """Remeshing of a surface: `remesh` and its result."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,16 +14,24 @@ from bezier_filters.meshes.unit_size import LENGTH, normalizes_size
 from bezier_filters.patch_surface.surface import Surface, fit_surface
 from bezier_filters.remeshing.edge_lengths import curvature_sizing, length_for_count, uniform_sizing
 from bezier_filters.remeshing.edge_splitting import face_edges
-from bezier_filters.remeshing.isotropic import FIXED, FREE, MAX_FACE_GROWTH, ON_CURVE, WorkingMesh, remesh_surface
+from bezier_filters.remeshing.isotropic import (
+    FIXED,
+    FREE,
+    MAX_FACE_GROWTH,
+    ON_CURVE,
+    STEPS,
+    WorkingMesh,
+    remesh_surface,
+)
 from bezier_filters.remeshing.kept_curves import CurvePlaces, find_chains, initial_edges, kept_edges
+from bezier_filters.remeshing.step_progress import StepProgress
 from bezier_filters.remeshing.subdivision import MAX_FACES, are_moved, mean_edge
 from bezier_filters.remeshing.surface_places import check_places, find_vertices
+from bezier_filters.remeshing.vertex_count import COUNT_ITERATIONS, COUNT_ROUNDS, check_vertex_count, remesh_to_count
 from bezier_filters.result_tables import Table, TabularResult
 from bezier_filters.runtime.parallel import Progress, runs_on_threads
 
 MAX_REMESHING_ITERATIONS = 100
-COUNT_ROUNDS, COUNT_ITERATIONS = 8, 3  # corrections of the length for a number of vertices, and iterations of each
-COUNT_ACCURACY = 0.01  # relative error of the number of vertices that is not corrected
 MIN_LENGTH_RATIO = 0.05  # of edges by curvature to the mean old one: finer curvature is not known
 MAX_LENGTH_RATIO = 0.1  # of edges by curvature to the diagonal of the bounding box
 
@@ -50,6 +58,8 @@ class RemeshingResult(TabularResult):
         Largest distance of the midpoint of an edge from the surface, a length.
     noise : float or None
         Standard deviation of the noise along the normal, a length; None if it could not be estimated.
+    requested_vertices : int or None
+        The number of vertices that was asked for, if it was.
     """
 
     vertices: FloatArray = field(metadata=LENGTH)
@@ -60,6 +70,13 @@ class RemeshingResult(TabularResult):
     old_faces: IntArray
     chord_error: float = field(metadata=LENGTH)
     noise: float | None = field(metadata=LENGTH)
+    requested_vertices: int | None = None
+
+    @property
+    def has_requested_vertices(self) -> bool:
+        """Whether the number of vertices is within a tenth of the requested one, or none was."""
+        wanted = self.requested_vertices
+        return wanted is None or abs(len(self.vertices) - wanted) <= max(0.1 * wanted, 1.0)
 
     def __repr__(self) -> str:
         """One line: the numbers of vertices and faces."""
@@ -71,6 +88,8 @@ class RemeshingResult(TabularResult):
             ["faces", len(self.faces)],
             ["chord error", self.chord_error],
         ]
+        if not self.has_requested_vertices:
+            rows.append(["requested vertices", self.requested_vertices])
         return [Table("remeshing", ["", ""], rows)]
 
     def _columns(self) -> dict[str, list[object]]:
@@ -113,7 +132,8 @@ def remesh(
         Length of the edges; by default the mean of the old ones. With a tolerance, the largest one, by default a tenth
         of the diagonal of the bounding box.
     vertex_count : int, optional
-        Number of vertices instead of a length, reached to within some percent; at least 4.
+        Number of vertices instead of a length, reached to within some percent. The topology of the surface needs some;
+        and where large triangles would lean away from it, the mesh stays finer, with more vertices.
     tolerance : float, optional
         Distance of triangles from the surface, a length, from which the lengths of edges follow by the curvature. With
         few triangles on nearly flat parts it decimates a mesh. The result says how large distances are.
@@ -128,7 +148,7 @@ def remesh(
     threads : int, optional
         Number of threads; by default BEZIER_FILTERS_THREADS or all usable cores. The result does not depend on it.
     progress : callable, optional
-        ``progress(done, total)`` as in `estimate_vertex_geometry`.
+        ``progress(done, total)`` as in `estimate_vertex_geometry`, for the fits, and then for the iterations.
 
     Returns
     -------
@@ -161,12 +181,17 @@ def remesh(
     if not mean_edge(surface.mesh) > 0.0:
         raise InvalidMeshError("vertices: all are in one place; there is nothing to remesh")
     chosen = np.ones(m, np.bool_) if selected is None else check_selection(selected, m)
-    mesh = _working_mesh(surface, chosen, _check_edges(edges, surface.mesh.vertex_count))
+    if vertex_count is not None:
+        check_vertex_count(vertex_count, surface.mesh.faces[chosen], surface.mesh.vertex_count)
+    extra = _check_edges(edges, surface.mesh.vertex_count)
+    corrections = 0 if vertex_count is None else COUNT_ROUNDS * COUNT_ITERATIONS
+    steps = StepProgress(progress, STEPS * (iterations + corrections))
+    mesh = _working_mesh(surface, chosen, extra, steps)
     size = mean_edge(surface.mesh) if length is None else length
     if length is vertex_count is tolerance is None:
         _check_growth(mesh, size)
     if vertex_count is not None:
-        _remesh_to_count(mesh, vertex_count, iterations)
+        mesh = remesh_to_count(mesh, vertex_count, iterations)
     elif tolerance is None:
         _check_size(mesh, size)
         remesh_surface(mesh, uniform_sizing(size), iterations)
@@ -176,7 +201,9 @@ def remesh(
             tolerance, MIN_LENGTH_RATIO * mean_edge(surface.mesh), longest if length is None else length
         )
         remesh_surface(mesh, sizing, iterations)
-    return _result(mesh, surface, chosen)
+    result = replace(_result(mesh, surface, chosen), requested_vertices=vertex_count)
+    steps.finish()
+    return result
 
 
 def _check(length: float | None, vertex_count: int | None, tolerance: float | None, iterations: int) -> None:
@@ -220,6 +247,8 @@ def _check_edges(edges: IntArray | None, n: int) -> IntArray:
         found = np.asarray(edges)
     except ValueError as error:
         raise InvalidParameterError(f"edges: expected integers of shape (e, 2); {error}") from None
+    if not found.size:
+        return np.zeros((0, 2), dtype=np.int32)
     if found.ndim != 2 or found.shape[1] != 2 or found.dtype.kind not in "iu":
         raise InvalidParameterError(f"edges: got shape {found.shape}, expected integers of shape (e, 2)")
     if len(found) and not (found.min() >= 0 and found.max() < n):
@@ -233,7 +262,7 @@ def _check_size(mesh: WorkingMesh, length: float) -> None:
         raise InvalidParameterError(f"length: the result would have some {count:,.0f} faces, more than {MAX_FACES:,}")
 
 
-def _working_mesh(surface: Surface, chosen: BoolArray, extra: IntArray) -> WorkingMesh:
+def _working_mesh(surface: Surface, chosen: BoolArray, extra: IntArray, progress: StepProgress) -> WorkingMesh:
     """The mesh of the chosen faces, and all vertices of the others, which are fixed."""
     mesh = surface.mesh
     n, found = mesh.vertex_count, find_vertices(surface)
@@ -272,6 +301,7 @@ def _working_mesh(surface: Surface, chosen: BoolArray, extra: IntArray) -> Worki
         np.zeros((n, 3)),
         found.curvatures,
         np.where(kind == FIXED, np.arange(n, dtype=np.int32), np.int32(-1)),
+        progress,
     )
     unused = np.ones(n, dtype=np.bool_)
     unused[mesh.faces] = False
@@ -282,30 +312,19 @@ def _working_mesh(surface: Surface, chosen: BoolArray, extra: IntArray) -> Worki
     return working
 
 
-def _remesh_to_count(mesh: WorkingMesh, count: int, iterations: int) -> None:
-    """Remesh with the length that gives a number of vertices, which follows from the numbers for others."""
-    length = length_for_count(mesh.points, mesh.faces, 2.0 * count)
-    remesh_surface(mesh, uniform_sizing(length), iterations)
-    for _ in range(COUNT_ROUNDS):
-        ratio = len(mesh.points) / count
-        if abs(ratio - 1.0) < COUNT_ACCURACY:
-            return
-        length *= float(np.clip(np.sqrt(ratio), 0.5, 2.0))
-        remesh_surface(mesh, uniform_sizing(length), COUNT_ITERATIONS)
-
-
 def _result(mesh: WorkingMesh, surface: Surface, chosen: BoolArray) -> RemeshingResult:
     """The new faces with the old ones that were not chosen."""
     n_old = surface.mesh.vertex_count
     row_of_old = np.full(n_old, -1)
     kept = mesh.old >= 0
     row_of_old[mesh.old[kept]] = np.flatnonzero(kept)
-    below = surface.query(mesh.points[mesh.faces].mean(axis=1)).faces
+    cancel = mesh.progress.within
+    below = surface.query(mesh.points[mesh.faces].mean(axis=1), progress=cancel).faces
     others = np.flatnonzero(~chosen)
     faces = np.vstack([row_of_old[surface.mesh.faces[others]], mesh.faces]).astype(np.int32)
     edges = face_edges(mesh.faces, len(mesh.points))
     middles = mesh.points[edges.ends].mean(axis=1)
-    on_surface, _, _ = check_places(surface, surface.query(middles))
+    on_surface, _, _ = check_places(surface, surface.query(middles, progress=cancel))
     distances = np.linalg.norm(on_surface - middles, axis=1)
     return RemeshingResult(
         mesh.points,

@@ -19,6 +19,7 @@ from bezier_filters.remeshing.edge_splitting import (
     nest_faces,
     split_edges,
 )
+from bezier_filters.remeshing.step_progress import StepProgress
 from bezier_filters.remeshing.surface_places import Positions, find_positions, find_vertices
 from bezier_filters.result_tables import Table, TabularResult
 from bezier_filters.runtime.parallel import Progress, runs_on_threads
@@ -26,6 +27,10 @@ from bezier_filters.runtime.parallel import Progress, runs_on_threads
 MAX_ITERATIONS = 10  # each makes four faces of one
 MAX_ROUNDS = 40  # splits of edges for a tolerance; 20 make a millionth of an edge
 MAX_FACES = 50_000_000  # of a result, which has 5 GB then
+# Faces that one becomes, over the ratio of its chord error to the tolerance: spheres, tori, tubes, ellipsoids and stars
+# have 0.7 to 2.8.
+FACES_PER_RATIO = 1.6
+DISTANCE_ROUNDING = 4e-15  # error of the distance of a midpoint from the surface over the coordinates
 # Noise in mean edges up to which old vertices stay: they are as far from the surface, and angles of faces change by
 # some of 0.1 degrees.
 MAX_STAYING_NOISE = 0.002
@@ -128,7 +133,7 @@ def subdivide(
     threads : int, optional
         Number of threads; by default BEZIER_FILTERS_THREADS or all usable cores. The result does not depend on it.
     progress : callable, optional
-        ``progress(done, total)`` as in `estimate_vertex_geometry`.
+        ``progress(done, total)`` as in `estimate_vertex_geometry`, for the fits, and then for the rounds of splits.
 
     Returns
     -------
@@ -160,10 +165,13 @@ def subdivide(
     _check_size(int(chosen.sum()) * 4 ** (iterations or (1 if tolerance is None else 0)))
     if move is None:
         move = are_moved(surface)
-    refinement = _Refinement(surface, chosen, moves=bool(move))
-    for _ in range(iterations or (1 if tolerance is None else 0)):
+    count = iterations or (1 if tolerance is None else 0)
+    refinement = _Refinement(surface, chosen, StepProgress(progress, count), moves=bool(move))
+    for _ in range(count):
         refinement.divide_all()
+        refinement.progress.advance()
     chord_error = None if tolerance is None else refinement.divide_to(tolerance)
+    refinement.progress.finish()
     return SubdivisionResult(
         refinement.vertices,
         refinement.nested.faces,
@@ -191,6 +199,28 @@ def _check_size(face_count: int) -> None:
         )
 
 
+def predict_faces(tolerance: float, errors: FloatArray) -> float:
+    """Number of faces after splits to a tolerance, given the largest chord error of each face, (m,).
+
+    Half an edge has a quarter of its error, so that faces become four until it is below the tolerance.
+    """
+    return float(np.maximum(FACES_PER_RATIO * errors / tolerance, 1.0).sum())
+
+
+def check_tolerance(tolerance: float, errors: FloatArray) -> None:
+    """Refuse a tolerance that makes too many faces, given the largest chord error of each face, (m,)."""
+    count = predict_faces(tolerance, errors)
+    if count <= MAX_FACES:
+        return
+    least = tolerance
+    while predict_faces(least, errors) > MAX_FACES:  # at each factor, or else faces that are not split are most
+        least *= max(predict_faces(least, errors) / MAX_FACES, 1.01)
+    raise InvalidParameterError(
+        f"tolerance: got {tolerance:g}, which would make some {count:.2g} faces, more than {MAX_FACES:,}; the smallest "
+        f"tolerance that fits is about {1.06 * least:.2g}"
+    )
+
+
 def are_moved(surface: Surface) -> bool:
     """Whether old vertices move onto the surface by default."""
     return (surface.geometry.noise_sigma or 0.0) > MAX_STAYING_NOISE * mean_edge(surface.mesh)
@@ -205,8 +235,8 @@ def mean_edge(mesh: TriangleMesh) -> float:
 class _Refinement:
     """A mesh that is being refined on a surface."""
 
-    def __init__(self, surface: Surface, chosen: BoolArray, *, moves: bool) -> None:
-        self.surface, self.chosen, mesh = surface, chosen, surface.mesh
+    def __init__(self, surface: Surface, chosen: BoolArray, progress: StepProgress, *, moves: bool) -> None:
+        self.surface, self.chosen, self.progress, mesh = surface, chosen, progress, surface.mesh
         self.nested = nest_faces(mesh.faces)
         n, found = mesh.vertex_count, find_vertices(surface)
         used = np.zeros(n, dtype=np.bool_)
@@ -226,19 +256,29 @@ class _Refinement:
 
     def divide_to(self, tolerance: float) -> float:
         """Split edges until their midpoints are within a tolerance of the surface; return the largest distance."""
-        largest, tested = 0.0, self.nested
-        for _ in range(MAX_ROUNDS):
+        largest, tested, rounding = 0.0, self.nested, DISTANCE_ROUNDING * float(np.abs(self.vertices).max())
+        for k in range(MAX_ROUNDS):
             edges = face_edges(self.nested.faces, len(self.vertices))
             marked = np.zeros(len(edges.ends), dtype=np.bool_)
             marked[edges.of_face[self.chosen[self.nested.parents] & self.nested.is_new]] = True
             tested, ids = self.nested, np.flatnonzero(marked)
             middles = 0.5 * self.vertices[edges.ends[ids]].sum(axis=1)
             distances = np.linalg.norm(self._middles(tested, edges, marked).points - middles, axis=1)
+            distances[distances < rounding] = 0.0
+            if k == 0:
+                of_edge = np.zeros(len(marked))
+                of_edge[ids] = distances
+                check_tolerance(tolerance, of_edge[edges.of_face].max(axis=1))
+                # two rounds of bisection quarter the largest distance
+                self.progress.total += 1 + int(
+                    2.0 * np.log(max(distances.max(initial=0.0) / tolerance, 1.0)) / np.log(4.0)
+                )
             far = distances > tolerance
             largest = max(largest, float(distances[~far].max(initial=0.0)))
             if not far.any():
                 break
             marked[ids[~far]] = False
+            self.progress.advance()
             self._split(edges, include_longest_edges(TriangleMesh(self.vertices, tested.faces), edges, marked))
         else:
             largest = max(largest, float(distances.max()))
@@ -259,7 +299,7 @@ class _Refinement:
         owner = (np.cumsum(marked) - 1)[edges.of_face[rows, corner]]
         parents, coordinates = nested.parents[rows], nested.midpoints()[rows, corner]
         count = int(np.count_nonzero(marked))
-        found = find_positions(self.surface, owner, parents, coordinates, count)
+        found = find_positions(self.surface, owner, parents, coordinates, count, self.progress.within)
         weights = np.column_stack([1.0 - coordinates.sum(axis=1), coordinates])
         residuals = np.einsum("qk,qkd->qd", weights, self.residuals[self.surface.mesh.faces[parents]])
         residuals[found.on_face[owner]] = 0.0

@@ -11,6 +11,7 @@ import numpy as np
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.patch_surface.projection import ON_FACE
 from bezier_filters.patch_surface.surface import Surface, SurfacePoints
+from bezier_filters.runtime.parallel import Progress
 
 # Length of the mean normal below which places are on sides of a sharp edge: that of normals 10 degrees apart. Positions
 # of places that are nearly tangential are averaged.
@@ -30,12 +31,19 @@ class Positions:
     curvatures: FloatArray  # (n,): largest absolute principal ones of all places
 
 
-def find_positions(surface: Surface, owner: IntArray, faces: IntArray, coordinates: FloatArray, n: int) -> Positions:
+def find_positions(
+    surface: Surface,
+    owner: IntArray,
+    faces: IntArray,
+    coordinates: FloatArray,
+    n: int,
+    progress: Progress | None = None,
+) -> Positions:
     """Positions of n vertices, given for each of q places the vertex, the face and the coordinates (q, 2).
 
     Vertices without places are at the origin.
     """
-    found = surface.evaluate(faces, coordinates)
+    found = surface.evaluate(faces, coordinates, progress=progress)
     points, own, lost = check_places(surface, found)
     curvatures = np.zeros(n)
     np.maximum.at(curvatures, owner, own)

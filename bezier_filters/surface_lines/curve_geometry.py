@@ -17,11 +17,11 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike
 
-from bezier_filters.arguments import real_array
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError, is_integer
 from bezier_filters.meshes.unit_size import CURVATURE, LENGTH
-from bezier_filters.patch_surface.surface import Surface
+from bezier_filters.patch_surface.query_arguments import check_points
+from bezier_filters.patch_surface.surface import Surface, check_surface
 
 MIN_NEIGHBOURS = 2  # on each side: five points determine a cubic
 
@@ -115,6 +115,7 @@ def curve_geometry(
     >>> bool(abs(found.geodesic_curvature - 0.8 / 0.6).max() < 0.02), bool(abs(found.torsion).max() < 0.02)
     (True, True)
     """
+    check_surface(surface)
     given = _curve_points(points, neighbours)
     is_closed = bool((given[0] == given[-1]).all())
     there = surface.query(given, threads=threads)
@@ -170,15 +171,11 @@ def curve_geometry(
 def _curve_points(points: ArrayLike, neighbours: int) -> FloatArray:
     """The points, checked."""
     if not (is_integer(neighbours) and neighbours >= MIN_NEIGHBOURS):
-        raise InvalidParameterError(f"neighbours: got {neighbours!r}, expected {MIN_NEIGHBOURS} or more")
-    try:
-        given = real_array(points)
-    except (TypeError, ValueError) as error:
-        raise InvalidParameterError(f"points: expected real numbers of shape (k, 3); {error}") from None
-    least = 2 * neighbours + 1
-    if given.ndim != 2 or given.shape[1] != 3 or len(given) < least or not np.isfinite(given).all():
+        raise InvalidParameterError(f"neighbours: got {neighbours!r}, expected an integer of {MIN_NEIGHBOURS} or more")
+    given, least = check_points(points), 2 * neighbours + 1
+    if len(given) < least:
         raise InvalidParameterError(
-            f"points: got shape {given.shape}, expected {least} or more finite points for {neighbours} neighbours"
+            f"points: got {len(given)}, expected {least} or more for {neighbours} neighbours on each side"
         )
     return given
 

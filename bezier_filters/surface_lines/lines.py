@@ -13,9 +13,10 @@ from bezier_filters.errors import InvalidParameterError, is_real
 from bezier_filters.feature_lines.crease_lines import COLORS as CREASE_COLORS
 from bezier_filters.meshes.unit_size import CURVATURE, LENGTH
 from bezier_filters.patch_surface.projection import ON_SURFACE, WORK_SIZE
-from bezier_filters.patch_surface.surface import Surface, empty_places
+from bezier_filters.patch_surface.query_arguments import check_points
+from bezier_filters.patch_surface.surface import Surface, check_surface, empty_places
 from bezier_filters.result_tables import Table, TabularResult
-from bezier_filters.runtime.parallel import Progress, report, use_threads
+from bezier_filters.runtime.parallel import Progress, report, runs_on_threads
 from bezier_filters.surface_lines.direction_field import (
     MAX_DIRECTION_STD,
     MAX_FIELD,
@@ -230,6 +231,7 @@ class SurfaceLines(TabularResult):
         return columns | {f"end_{k + 1}": [line.ends[k].name for line in self.lines] for k in (0, 1)}
 
 
+@runs_on_threads
 def trace_lines(
     surface: Surface,
     family: Family = "curvature",
@@ -308,6 +310,7 @@ def trace_lines(
     >>> sum(line.is_closed for line in found.lines) > len(found.lines) / 2
     True
     """
+    check_surface(surface)
     fields = _fields(family, normal_curvature)
     diagonal = float(np.linalg.norm(np.ptp(surface.mesh.vertices, axis=0)))
     default_spacing = float(np.ldexp(DEFAULT_SPACING * diagonal, surface.exponent))
@@ -323,31 +326,30 @@ def trace_lines(
         )
     if not (is_real(max_error) and 0.0 < max_error <= 45.0):
         raise InvalidParameterError(f"max_error: got {max_error!r}, expected degrees above 0 and up to 45")
-    with use_threads(threads):
-        if seeds is None:
-            faces, coordinates = _best_places(surface)
-        else:
-            found = surface.query(seeds)
-            known = found.faces >= 0
-            faces, coordinates = found.faces[known], found.coordinates[known]
-        value = 0.0 if normal_curvature is None else float(np.ldexp(normal_curvature, surface.exponent))
-        area = _area(surface)
-        total = max(1, int(len(fields) * area / (STEP_OF_SPACING * distance**2))) if distance else len(faces)
-        lines: list[SurfaceLine] = []
-        for kind, code in fields.items():
-            tracer = _tracer(surface, code, value, radians(max_error), distance, MAX_DIAGONALS * diagonal)
-            store = line_store(FIRST_CAPACITY, distance or diagonal)
-            done = sum(len(line.points) for line in lines)
-            while True:
-                outcome = trace_field(tracer, store, faces, coordinates, seeds is None, POINTS_PER_CALL)
-                report(progress, min(done + int(store.counts[POINT_COUNT]), total), total)
-                if outcome == ALL_TRACED:
-                    break
-                if outcome == STORE_IS_FULL:
-                    store = enlarge_store(store)
-            lines += _lines(surface, store, kind)
-        report(progress, total, total)
-        return SurfaceLines(family, tuple(lines), find_umbilics(surface), spacing, default_spacing)
+    if seeds is None:
+        faces, coordinates = _best_places(surface)
+    else:
+        found = surface.query(check_points(seeds, "seeds"))
+        known = found.faces >= 0
+        faces, coordinates = found.faces[known], found.coordinates[known]
+    value = 0.0 if normal_curvature is None else float(np.ldexp(normal_curvature, surface.exponent))
+    area = _area(surface)
+    total = max(1, int(len(fields) * area / (STEP_OF_SPACING * distance**2))) if distance else len(faces)
+    lines: list[SurfaceLine] = []
+    for kind, code in fields.items():
+        tracer = _tracer(surface, code, value, radians(max_error), distance, MAX_DIAGONALS * diagonal)
+        store = line_store(FIRST_CAPACITY, distance or diagonal)
+        done = sum(len(line.points) for line in lines)
+        while True:
+            outcome = trace_field(tracer, store, faces, coordinates, seeds is None, POINTS_PER_CALL)
+            report(progress, min(done + int(store.counts[POINT_COUNT]), total), total)
+            if outcome == ALL_TRACED:
+                break
+            if outcome == STORE_IS_FULL:
+                store = enlarge_store(store)
+        lines += _lines(surface, store, kind)
+    report(progress, total, total)
+    return SurfaceLines(family, tuple(lines), find_umbilics(surface), spacing, default_spacing)
 
 
 def _fields(family: str, normal_curvature: float | None) -> dict[LineKind, int]:

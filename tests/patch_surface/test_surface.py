@@ -220,13 +220,55 @@ def test_wrong_places_are_refused(ring_surface):
         ring_surface.evaluate([-1], [[0.2, 0.2]])
 
 
+def test_places_are_found_where_noise_turns_faces_over():
+    """Noise of half an edge in all directions turns a quarter of the faces; their edges are no nearest places."""
+    ring, rng = torus(resolution=30), np.random.default_rng(0)
+    edge = np.linalg.norm(np.diff(ring.vertices[ring.faces[:, :2]], axis=1), axis=2).mean()
+    surface = fit_surface(ring.vertices + 0.5 * edge * rng.standard_normal(ring.vertices.shape), ring.faces)
+    points = ring.vertices[ring.faces].mean(axis=1)
+    there = surface.query(points)
+    assert (there.outcome == ON_SURFACE).mean() > 0.98
+    offsets = points - there.points
+    along = np.einsum("ij,ij->i", offsets, there.normals)[:, np.newaxis] * there.normals
+    assert np.abs((offsets - along)[there.outcome == ON_SURFACE]).max() < 1e-4 * edge
+
+
+def test_coordinates_outside_by_rounding_are_on_the_edge(ring_surface):
+    found = ring_surface.evaluate([0, 0, 0], [[-1e-17, 0.5], [0.5, 0.5 + 1e-13], [0.0, 0.5]])
+    assert found.coordinates.min() == 0.0
+    assert found.coordinates.sum(axis=1).max() <= 1.0
+    np.testing.assert_array_equal(found.points[0], found.points[2])
+    with pytest.raises(InvalidParameterError, match="row 1"):
+        ring_surface.evaluate([0, 0], [[0.0, 0.5], [-1e-6, 0.5]])
+
+
+def test_a_pair_is_refused_with_the_remedy(ring):
+    with pytest.raises(InvalidMeshError, match=r"f\(vertices, faces\)"):
+        fit_surface((ring.vertices, ring.faces))
+
+
+def test_the_row_of_a_missing_point_is_named(ring, ring_surface):
+    points = ring.vertices.copy()
+    points[7, 1] = np.nan
+    with pytest.raises(InvalidParameterError, match=r"points: 1 of .* row 7"):
+        ring_surface.query(points)
+
+
+@pytest.mark.parametrize("turn", [1, -1])
+def test_doubled_faces_are_counted(turn):
+    ball = sphere(resolution=6)
+    with pytest.raises(InvalidMeshError, match="40 lie on others"):
+        fit_surface(ball.vertices, np.vstack([ball.faces, ball.faces[:40, ::turn]]))
+
+
 def test_a_cloud_is_refused():
     with pytest.raises(InvalidMeshError, match="needs a surface"):
         fit_surface(np.random.default_rng(0).standard_normal((50, 3)))
 
 
 def test_no_points_give_no_places(ring_surface):
-    assert len(ring_surface.query(np.zeros((0, 3))).points) == 0
+    assert len(ring_surface.query(np.zeros((0, 3))).points) == len(ring_surface.query([]).points) == 0
+    assert ring_surface.evaluate([], []).points.shape == (0, 3)
 
 
 @pytest.mark.parametrize("offset", [1e4, 5e6])

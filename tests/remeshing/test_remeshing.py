@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from test_subdivision import closed_cylinder, heights, mean_edge, noisy_torus, rms, smallest_angle
 
-from bezier_filters import InvalidMeshError, InvalidParameterError, inspect_mesh, remesh
+from bezier_filters import CancelledError, InvalidMeshError, InvalidParameterError, inspect_mesh, remesh
+from bezier_filters.remeshing.vertex_count import least_vertices
 from bezier_filters.surfaces import block_with_sharp_edges, cylinder, sphere, torus
 
 
@@ -32,6 +33,44 @@ def test_a_number_of_vertices_is_reached():
     vertices, faces = noisy_torus(0.0)
     for count in (500, 4000):
         assert abs(len(remesh(vertices, faces, vertex_count=count).vertices) / count - 1.0) < 0.03
+
+
+@pytest.mark.parametrize(("body", "least"), [(sphere(resolution=10), 6), (torus(resolution=24), 25)])
+def test_too_few_vertices_end_at_the_smallest_good_mesh(body, least):
+    """An octahedron follows a sphere; triangles on each other follow nothing."""
+    coarse = remesh(body.vertices, body.faces, vertex_count=7)
+    check_closed(coarse)
+    assert len(coarse.vertices) >= least
+    volume, whole = (
+        np.linalg.det(v[f]).sum() for v, f in ((coarse.vertices, coarse.faces), (body.vertices, body.faces))
+    )
+    assert volume > 0.2 * whole
+    assert coarse.has_requested_vertices == (least <= 7)
+
+
+def test_the_topology_needs_vertices():
+    """A torus has no triangulation of six vertices, a sphere none of three, a pair of spheres none of seven."""
+    ring, ball = torus(resolution=12), sphere(resolution=4)
+    with pytest.raises(InvalidParameterError, match="vertex_count: got 6, expected 7 or more"):
+        remesh(ring.vertices, ring.faces, vertex_count=6)
+    pair = np.vstack([ball.faces, ball.faces + len(ball.vertices)])
+    assert least_vertices(ball.faces, len(ball.vertices)) == 4
+    assert least_vertices(pair, 2 * len(ball.vertices)) == 8
+    tube = cylinder(radius=1.0)
+    assert least_vertices(tube.faces, len(tube.vertices)) == 3
+
+
+def test_iterations_report_their_progress_and_can_be_cancelled():
+    ball, seen = sphere(resolution=8), []
+    remesh(ball.vertices, ball.faces, progress=lambda done, total: seen.append((done, total)))
+    assert seen[-1] == (30, 30)
+    first = seen.index((0, 30)) if (0, 30) in seen else seen.index((1, 30))
+    steps = [done for done, _ in seen[first:]]
+    assert steps == sorted(steps)
+    assert len(set(steps)) >= 20
+    calls = iter(range(len(seen)))
+    with pytest.raises(CancelledError):
+        remesh(ball.vertices, ball.faces, progress=lambda *_: next(calls) < first + 5)
 
 
 def test_edges_are_shorter_where_the_surface_is_curved():

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from bezier_filters import InvalidMeshError, InvalidParameterError, inspect_mesh, subdivide
+from bezier_filters import CancelledError, InvalidMeshError, InvalidParameterError, inspect_mesh, subdivide
+from bezier_filters.remeshing.subdivision import MAX_FACES, check_tolerance, predict_faces
 from bezier_filters.remeshing.surface_places import meeting_points
 from bezier_filters.surfaces import block_with_sharp_edges, cylinder, height_field, sphere, torus
 
@@ -168,12 +169,46 @@ def test_vertices_without_faces_stay():
         ({"tolerance": np.inf}, "tolerance"),
         ({"selected": np.zeros(3, np.bool_)}, "selected"),
         ({"iterations": 10}, "50,000,000"),
+        ({"tolerance": 1e-12}, "50,000,000; the smallest tolerance that fits is about [1-9]"),
     ],
 )
 def test_wrong_parameters_are_refused(options, message):
     ball = sphere(resolution=8)
     with pytest.raises(InvalidParameterError, match=message):
         subdivide(ball.vertices, ball.faces, **options)
+
+
+def test_the_number_of_faces_is_predicted_before_the_work():
+    """The tolerance of the message fits, and the prediction is right within a factor of two."""
+    ball = sphere(resolution=8)
+    with pytest.raises(InvalidParameterError) as refusal:
+        subdivide(ball.vertices, ball.faces, tolerance=1e-13)
+    least = float(str(refusal.value).split()[-1])
+    middles = 0.5 * (ball.vertices[ball.faces] + ball.vertices[np.roll(ball.faces, 1, axis=1)])
+    distances = 1.0 - np.linalg.norm(middles, axis=2).min(axis=1)
+    assert 0.8 < predict_faces(least, distances) / MAX_FACES < 1.2
+    with pytest.raises(InvalidParameterError):
+        check_tolerance(0.7 * least, distances)
+    assert 0.5 < len(subdivide(ball.vertices, ball.faces, tolerance=1e-4).faces) / predict_faces(1e-4, distances) < 2.0
+
+
+def test_a_tolerance_below_rounding_ends_on_planes():
+    block, faces = block_with_sharp_edges(resolution=4)
+    assert len(subdivide(block, faces, tolerance=1e-300).faces) == len(faces)
+
+
+@pytest.mark.parametrize("options", [{"iterations": 3}, {"tolerance": 1e-4}])
+def test_splits_report_their_progress_and_can_be_cancelled(options):
+    ball, seen = sphere(resolution=8), []
+    subdivide(ball.vertices, ball.faces, progress=lambda done, total: seen.append((done, total)), **options)
+    assert seen[-1][0] == seen[-1][1]
+    fits = max(k for k, (_, total) in enumerate(seen) if total >= len(ball.vertices))
+    rounds = [done for done, _ in seen[fits + 1 :]]
+    assert rounds == sorted(rounds)
+    assert len(set(rounds)) >= 3
+    calls = iter(range(len(seen)))
+    with pytest.raises(CancelledError):
+        subdivide(ball.vertices, ball.faces, progress=lambda *_: next(calls) < fits + 2, **options)
 
 
 def test_a_cloud_is_refused():

@@ -98,6 +98,7 @@ def test_it_follows_the_scale(scale):
         (np.zeros((20, 2)), {}, "points"),
         ("line", {}, "points"),
         (np.zeros((20, 3)), {"neighbours": 1}, "neighbours"),
+        (np.zeros((20, 3)), {"neighbours": 4.0}, "neighbours: got 4.0, expected an integer"),
     ],
 )
 def test_wrong_arguments_are_refused(ring, points, options, name):

@@ -160,13 +160,20 @@ def test_tables_and_dicts(ellipsoid_lines):
         {"family": "normal", "normal_curvature": np.nan},
         {"max_error": 50.0},
         {"seeds": [[0.0, 1.0]]},
+        {"seeds": [[np.nan, 0.0, 1.0]]},
     ],
 )
 def test_wrong_arguments_are_refused(options):
     shape = ellipsoid(resolution=6)
-    name = "points" if "seeds" in options else list(options)[-1] if len(options) > 1 else next(iter(options))
+    name = list(options)[-1]
     with pytest.raises(InvalidParameterError, match=name):
         trace_lines(fit_surface(shape.vertices, shape.faces), **options)
+
+
+def test_lines_need_a_surface():
+    shape = ellipsoid(resolution=6)
+    with pytest.raises(InvalidParameterError, match="surface: got tuple"):
+        trace_lines((shape.vertices, shape.faces))
 
 
 def test_it_can_be_cancelled():
