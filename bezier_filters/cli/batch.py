@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from bezier_filters.cli import console, filters
+from bezier_filters.cli import console, filters, inspection, textures
 from bezier_filters.cli.app import Json, Quiet, app, choose_scheduler
 from bezier_filters.cli.reading import file_remarks
 from bezier_filters.errors import InvalidParameterError
@@ -27,7 +27,8 @@ from bezier_filters.runtime.supervision import EXIT_INCOMPLETE
 if TYPE_CHECKING:
     from bezier_filters.arrays import Report
 
-__all__ = ["Item", "batch", "command_line", "filters", "plan", "run_command"]
+# a process that runs a command loads this module alone, so that it needs those of all commands
+__all__ = ["Item", "batch", "command_line", "filters", "inspection", "plan", "run_command", "textures"]
 
 # file in the folder of the results: a line of JSON per result, with path, checksum of the input, command and options
 RECORDS = ".bezier-filters-batch"
@@ -51,7 +52,7 @@ def batch(
         str,
         typer.Argument(
             help="normals, curvature, torsion, smooth, fill-holes, replace, bridge, subdivide, remesh, creases, lines, "
-            "compare (whose reference comes first in the options).",
+            "bake, compare (whose reference comes first in the options).",
             metavar="COMMAND",
         ),
     ],
@@ -77,18 +78,19 @@ def batch(
 ) -> None:
     """Run a command on many files, several at a time.
 
-    Files with a result are skipped if their content, the command and the options are unchanged, so that an interrupted
-    batch continues where it stopped. A file that fails does not stop the others: the table says why, and the exit
-    status is 1; it is 3 where none fails but a result needs a look. Below --out, results have the names of the files,
-    and the folders below the fixed part of a pattern.
+    Files with a result are skipped if their content, the command, the options and the reference are unchanged, so that
+    an interrupted batch continues where it stopped. A file that fails does not stop the others: the table says why, and
+    the exit status is 1; it is 3 where none fails but a result needs a look. Below --out, results have the names of the
+    files, and the folders below the fixed part of a pattern.
     """
     from bezier_filters.runtime.parallel import usable_threads
     from bezier_filters.runtime.worker_processes import run_in_processes
 
     start, chosen = time.perf_counter(), choose_scheduler(scheduler, scheduler_file)
     arguments = shlex.split(options)
-    check_command(command, arguments)
-    items = plan(find_files(sources), out, suffix, [] if redo else [command, *arguments])
+    reference = check_command(command, arguments)
+    how = [command, *arguments, *([file_checksum(reference)] if reference else [])]
+    items = plan(find_files(sources), out, suffix, [] if redo else how)
     todo = [index for index, item in enumerate(items) if item.result == "waiting"]
     cores = usable_threads()
     processes = max(1, min(jobs or cores, len(todo)))
@@ -110,7 +112,7 @@ def batch(
                 source = items[index].input
                 # A file that has changed meanwhile may have been read in either state.
                 if not outcome.error and _stamp(source) == stamps[index] is not None:
-                    record = [os.path.relpath(items[index].output, out), file_checksum(source), command, *arguments]
+                    record = [os.path.relpath(items[index].output, out), file_checksum(source), *how]
                     with (out / RECORDS).open("a", encoding="utf-8") as records:
                         print(json_module.dumps(record), file=records)
                 items[index] = replace(
@@ -180,8 +182,8 @@ def run_command(arguments: Sequence[str]) -> "Report":
     return report | {"read": [*remarks.losses]} if remarks.losses else report
 
 
-def check_command(command: str, options: list[str]) -> None:
-    """Refuse a command that does not run a filter, or options that it does not have."""
+def check_command(command: str, options: list[str]) -> str | None:
+    """Refuse a command that does not run a filter, or options that it does not have; return the reference."""
     if command == MEASURES:
         raise InvalidParameterError("command: got 'measure', which writes no files; run it with --json for each file")
     if command not in PARAMETERS:
@@ -196,6 +198,12 @@ def check_command(command: str, options: list[str]) -> None:
     for name in ("picture", "save_script"):
         if parsed.params.get(name):
             raise InvalidParameterError(f"options: got --{name.replace('_', '-')}, which names one file for all")
+    if command != DEVIATION:
+        return None
+    reference: Path = parsed.params["reference"]
+    if not os.path.isfile(reference):
+        raise InvalidParameterError(f"options: got the reference {str(reference)!r}, which is not a file")
+    return str(reference)
 
 
 def find_files(sources: Sequence[str]) -> dict[Path, str]:

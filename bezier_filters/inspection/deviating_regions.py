@@ -12,9 +12,9 @@ from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.unit_size import LENGTH
 
 FALSE_ALARM = 0.01  # probability that noise alone makes any region deviate
-# Regions around neighbouring vertices overlap. Regions with an overlap of a half, in both directions of the surface,
-# count as independent tests.
-TESTS_PER_REGION = 4
+# Means over regions that overlap are correlated. Under white noise on spheres and a torus of 1,440 to 7,842 vertices,
+# the largest of all is exceeded as that of 41 to 70 independent means per region of 200 vertices.
+TESTS_PER_REGION = 70
 
 
 @dataclass(frozen=True)
@@ -48,10 +48,10 @@ def find_deviating_regions(
 ) -> tuple[DeviatingRegion, ...]:
     """Find the regions, given means over about `region` vertices and their standard errors, both (n,), 0 if unknown.
 
-    The significance of a single mean follows from the number of independent ones (Sidak).
+    The significance of a single mean follows from the number of independent ones (Sidak), at most that of vertices.
     """
     known = std > 0.0
-    tests = max(TESTS_PER_REGION * known.sum() / region, 1.0)
+    tests = max(min(TESTS_PER_REGION / region, 1.0) * known.sum(), 1.0)
     scores = np.divide(means, std, out=np.zeros_like(means), where=known)
     threshold = -float(ndtri(-0.5 * np.expm1(np.log1p(-FALSE_ALARM) / tests)))
     rows, found = adjacency.vertices, []

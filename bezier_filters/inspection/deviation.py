@@ -2,14 +2,15 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Literal, TypeAlias, cast
+from typing import Literal, TypeAlias, cast, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from bezier_filters.arguments import brief_repr
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.display import summary
-from bezier_filters.errors import InvalidMeshError, InvalidParameterError, is_real
+from bezier_filters.errors import InvalidMeshError, InvalidParameterError, is_integer, is_real
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.field_arrays import result_arrays
 from bezier_filters.fields import DEVIATION
@@ -282,13 +283,17 @@ def compare(
     for name, value in (("tolerance", tolerance), ("max_distance", max_distance)):
         if value is not None and not (is_real(value) and 0.0 < value < np.inf):
             raise InvalidParameterError(f"{name}: got {value!r}, expected a positive length, or None")
-    if region < 1:
-        raise InvalidParameterError(f"region: got {region!r}, expected a number of vertices, 1 or more")
+    if measured not in get_args(Measured):
+        raise InvalidParameterError(f"measured: got {measured!r}, expected one of {', '.join(get_args(Measured))}")
+    if not is_integer(region) or region < 1:
+        raise InvalidParameterError(f"region: got {brief_repr(region)}, expected a number of vertices, 1 or more")
     if selected is not None:
         selected = check_selection(selected, mesh.vertex_count)
     if measured == "surface" and not mesh.face_count:
         raise InvalidMeshError('faces: got none; a point cloud has no surface, measured="points" compares its points')
     if isinstance(reference_vertices, Surface):
+        if reference_faces is not None or reference_noise is not None:
+            raise InvalidParameterError("reference_faces, reference_noise: a surface as the reference has its own")
         reference = reference_vertices
     else:
         reference = fit_surface(reference_vertices, reference_faces, noise=reference_noise, progress=progress)
@@ -414,8 +419,8 @@ class _Side:
 
 
 def _mean_length(lengths: FloatArray) -> float:
-    """Mean of some lengths; 1 without any, as of isolated points."""
-    return float(lengths.mean()) if len(lengths) else 1.0
+    """Mean of some lengths; 1 without any, as of isolated points, or where all are 0."""
+    return float(lengths.mean()) or 1.0 if len(lengths) else 1.0
 
 
 def _divide(values: FloatArray, errors: FloatArray) -> FloatArray:

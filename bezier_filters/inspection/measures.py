@@ -199,6 +199,8 @@ def measure(
     """
     if not (is_integer(repeats) and (repeats == 0 or repeats >= 2)):
         raise InvalidParameterError(f"repeats: got {brief_repr(repeats)}, expected 0, or 2 and more")
+    if not (is_integer(seed) and seed >= 0):
+        raise InvalidParameterError(f"seed: got {brief_repr(seed)}, expected an integer of 0 or more")
     if face_labels is not None and vertex_labels is not None:
         raise InvalidParameterError("vertex_labels: got labels of faces, too, expected labels of one of them")
     surface = fit_surface(vertices, faces, noise=noise, progress=progress)
@@ -250,6 +252,8 @@ def _check_labels(name: str, labels: ArrayLike | None, count: int) -> IntArray |
         raise InvalidParameterError(
             f"{name}: got {array.dtype} of shape {array.shape}, expected integers of shape ({count},)"
         )
+    if (array > np.iinfo(np.int64).max).any():
+        raise InvalidParameterError(f"{name}: got {array.max()}, expected integers below 2^63")
     return cast("IntArray", array.astype(np.int64))
 
 

@@ -51,7 +51,7 @@ class QuadraturePoints:
     places: SurfacePoints  # q of them
     shares: FloatArray  # (q, 3): barycentric coordinates of the corners
     areas: FloatArray  # (q,)
-    volumes: FloatArray  # (q,): of the cones from the origin, signed
+    volumes: FloatArray  # (q,): of the cones from the middle of the mesh, signed
     mean_curvatures: FloatArray  # (q,): H dA of the surface itself, whose normals turn between the patches, too
     gaussian_curvatures: FloatArray  # (q,): K dA, the signed area of the image on the unit sphere
 
@@ -60,6 +60,8 @@ def quadrature_points(surface: Surface, *, progress: Progress | None = None) -> 
     """The Gauss points over all faces, in chunks."""
     places, weights = triangle_rule(RULE_ORDER)
     count = len(surface.mesh.faces)
+    # Gaps at sharp edges would count with their distance from the origin.
+    middle = np.ldexp(0.5 * (surface.mesh.vertices.min(axis=0) + surface.mesh.vertices.max(axis=0)), surface.exponent)
     for start in range(0, count, CHUNK_FACES):
         faces = np.arange(start, min(start + CHUNK_FACES, count), dtype=np.int32)
         rows, where = np.repeat(faces, len(weights)), np.tile(places, (len(faces), 1))
@@ -74,7 +76,7 @@ def quadrature_points(surface: Surface, *, progress: Progress | None = None) -> 
             found,
             np.column_stack([1.0 - where.sum(axis=1), where]),
             weight * np.linalg.norm(area, axis=1),
-            weight * _dot(found.points, area) / 3.0,
+            weight * _dot(found.points - middle, area) / 3.0,
             weight * bent,
             weight * _dot(np.cross(turn_first, turn_second), found.normals),
         )

@@ -183,6 +183,24 @@ def test_every_filter_that_writes_files_is_tried():
     assert {*REMARKS} == {*PARAMETERS} - {"measure"}
 
 
+def test_a_process_that_runs_commands_has_all_of_them():
+    code = (
+        "import typer, bezier_filters.cli.batch as batch\n"
+        "print(*typer.main.get_command(batch.app).commands)"  # what a process of a batch loads
+    )
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8", check=True)
+    assert {*PARAMETERS} <= {*found.stdout.split()}
+
+
+def test_results_are_made_again_for_a_reference_that_has_changed(scans, without_processes):
+    command = ("batch", "compare", "scans/a.ply", "--out", "out", "--json", "--options", "reference.ply")
+    assert "'reference.ply', which is not a file" in run(*command).stderr
+    shutil.copy(SAMPLES / "torus.ply", "reference.ply")
+    assert [json.loads(run(*command).stdout)["done"] for _ in range(2)] == [1, 0]
+    shutil.copy(SAMPLES / "sphere.ply", "reference.ply")
+    assert json.loads(run(*command).stdout)["done"] == 1
+
+
 def test_measure_is_refused():
     with pytest.raises(InvalidParameterError, match="writes no files; run it with --json"):
         check_command("measure", [])

@@ -11,8 +11,10 @@ from bezier_filters import (
     compare,
     fit_surface,
 )
+from bezier_filters.inspection.deviating_regions import find_deviating_regions
 from bezier_filters.inspection.regional_means import mean_variance, regional_means, ring_of_size
 from bezier_filters.meshes.adjacency import vertex_adjacency
+from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.surfaces import bumpy_star, ellipsoid, height_field, sphere, torus
 
 
@@ -65,12 +67,12 @@ def test_points_against_a_surface_have_their_own_noise(ring_pair):
     assert 0.85 < rms(cloud.z_scores) < 1.15
 
 
-def test_a_defect_of_half_the_noise_over_200_vertices_is_found(ring_pair):
+def test_a_defect_of_three_quarters_of_the_noise_over_200_vertices_is_found(ring_pair):
     scan, vertices, surface = ring_pair
     assert not compare(vertices, scan.faces, surface).regions
     center = 1000
     near = np.argsort(np.linalg.norm(scan.vertices - scan.vertices[center], axis=1))[:200]
-    height = 0.5 * 0.1 * mean_edge(scan)
+    height = 0.75 * 0.1 * mean_edge(scan)
     for side in (1.0, -1.0):
         dented = vertices.copy()
         dented[near] += side * height * scan.normals[near]
@@ -141,6 +143,18 @@ def test_the_variance_of_a_mean_of_fitted_positions_is_that_of_the_model():
         assert 0.7 < positions[:, :n].mean(axis=1).var() / stated < 1.45
 
 
+def test_white_noise_alone_seldom_makes_a_region():
+    """With 4 tests per region, as for regions that overlap by half, 6 of 100 meshes had one."""
+    body = sphere(resolution=10)
+    adjacency = vertex_adjacency(triangle_mesh(body.vertices, body.faces))
+    n, false = len(body.vertices), 0
+    for seed in range(100):
+        noise = np.random.default_rng(seed).standard_normal(n)
+        means, counts = regional_means(noise, np.ones(n, dtype=bool), adjacency, ring_of_size(100))
+        false += bool(find_deviating_regions(means, 1.0 / np.sqrt(counts), body.vertices, adjacency, 100))
+    assert false <= 3
+
+
 def test_errors_of_shape_do_not_average_out():
     assert mean_variance(np.array([4.0]), np.ones(1), np.array([100.0])) == 4.0
     assert ring_of_size(1) == 0
@@ -173,6 +187,10 @@ def test_results_are_tables_and_rows(ring_pair):
         ({"tolerance": 0.0}, "tolerance"),
         ({"max_distance": -1.0}, "max_distance"),
         ({"region": 0}, "region"),
+        ({"region": 2.5}, "region"),
+        ({"region": "200"}, "region"),
+        ({"measured": "patches"}, "measured"),
+        ({"reference_noise": 0.1}, "has its own"),
         ({"noise": -1.0}, "noise"),
         ({"selected": np.ones(3, dtype=bool)}, "selected"),
     ],

@@ -107,6 +107,14 @@ def test_it_follows_the_scale():
         assert abs(getattr(large, name) / (getattr(plain, name) * 1e30**power) - 1.0) < 1e-6
 
 
+def test_the_volume_of_a_body_with_noisy_edges_does_not_depend_on_its_place():
+    vertices, faces = block_with_sharp_edges(resolution=6)
+    vertices = vertices + 0.005 * np.random.default_rng(0).standard_normal(vertices.shape)
+    volumes = [measure(vertices + offset, faces, repeats=0).whole.values.volume for offset in (0.0, 1000.0)]
+    assert abs(volumes[0] / 0.875 - 1.0) < 0.02
+    assert abs(volumes[1] / volumes[0] - 1.0) < 1e-4
+
+
 def test_results_are_tables():
     ball = sphere(resolution=6)
     found = measure(ball.vertices, ball.faces, vertex_labels=ball.vertices[:, 0] > 0.0, repeats=0)
@@ -122,6 +130,9 @@ def test_results_are_tables():
         ({"vertex_labels": np.zeros(386)}, "vertex_labels"),
         ({"face_labels": [1], "vertex_labels": [1]}, "vertex_labels"),
         ({"noise": -1.0}, "noise"),
+        ({"seed": -1}, "seed"),
+        ({"seed": "a"}, "seed"),
+        ({"face_labels": np.full(720, 2**63, dtype=np.uint64)}, "2\\^63"),
     ],
 )
 def test_wrong_parameters_are_refused(options, message):
