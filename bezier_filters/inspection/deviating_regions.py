@@ -11,7 +11,7 @@ from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.unit_size import LENGTH
 
-FALSE_ALARM = 0.01  # probability that noise alone makes any region deviate
+FALSE_ALARM = 0.05  # probability that noise alone makes any region deviate
 # Means over regions that overlap are correlated. Under white noise on spheres and a torus of 1,440 to 7,842 vertices,
 # the largest of all is exceeded as that of 41 to 70 independent means per region of 200 vertices.
 TESTS_PER_REGION = 70
