@@ -6,13 +6,12 @@ Rich is imported on first output: that takes longer than all of the help.
 from __future__ import annotations  # the annotated types are slow to import
 
 import json
-import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from bezier_filters.display import noise_in_words, noise_level
+from bezier_filters.display import noise_in_words, noise_level, shell_remark
 from bezier_filters.fields import CURVATURE, qualities
 from bezier_filters.inspection.deviation_status import DeviationStatus
 from bezier_filters.runtime.file_names import printable_path
@@ -166,15 +165,6 @@ def _print_repaired(report: Report) -> None:
     changes = {name.replace("_", " "): count for name, count in (report.get("repaired") or {}).items() if count}
     if changes:
         out().print("  repaired: " + ", ".join(f"{count:,} {name}" for name, count in changes.items()))
-
-
-def shell_remark(text: str) -> str:
-    """A remark on holes with names of options instead of parameters.
-
-    >>> shell_remark("the outer rim of an open sheet; outer_rims=True fills it, too")
-    'the outer rim of an open sheet; --outer-rims fills it, too'
-    """
-    return re.sub(r"(\w+)=True( of the filter)?", lambda found: f"--{found[1].replace('_', '-')}", text)
 
 
 def print_holes(report: Report, source: str) -> None:

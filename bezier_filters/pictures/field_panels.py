@@ -16,6 +16,7 @@ from bezier_filters.fields import FIELDS, GRADE, PREFIX, QUALITY, Field
 from bezier_filters.meshlab.mesh_files import load_columns
 from bezier_filters.meshlab.meshset import current_mesh
 from bezier_filters.pictures.scene import Color, Panel
+from bezier_filters.pictures.views import file_up, has_border
 from bezier_filters.runtime.file_names import printable_name, printable_path
 from bezier_filters.status import FitStatus
 
@@ -25,10 +26,10 @@ NO_UNIT = "no unit"
 _KNOWN = {field.column: field for field in FIELDS}
 _GREY, _BROWN = 0.75, (0.69, 0.54, 0.42)
 _CODES = {  # what numbers in a column stand for
-    GRADE: {status.grade: status.name for status in FitStatus},
+    GRADE: {status.grade: status.words for status in FitStatus},
     "bz_crease": {-2: "sharp ravine", -1: "ravine", 0: "none found", 1: "ridge", 2: "sharp ridge"},
 }
-_GREY_WORDS = ("OK", "none found")  # those of most vertices
+_GREY_WORDS = (FitStatus.OK.words, "none found")  # those of most vertices
 _GREY_BELOW_LINES = 0.85
 # lines along the principal directions
 DIRECTIONS = [("direction of k_max", COLORS["ridge"]), ("direction of k_min", COLORS["ravine"])]
@@ -153,10 +154,11 @@ def field_panels(
                     histogram=histogram,
                     title=title,
                     linear_below=None if scale == "linear" else median or 1.0,
+                    file_up=file_up(file.path),
                 )
             )
         elif name == COLOR and file.colors is not None:
-            panels.append(Panel(file.vertices, file.faces, colors=file.colors, title=title))
+            panels.append(Panel(file.vertices, file.faces, colors=file.colors, title=title, file_up=file_up(file.path)))
         else:
             panels.append(_shape(file, title))
     return panels
@@ -175,7 +177,7 @@ def _codes(file: MeshFile, values: FloatArray, words: dict[int, str], title: str
         for code, count in zip(codes.tolist(), counts.tolist(), strict=True)
     ]
     colors = np.array([color for _, color in names])[np.searchsorted(codes, np.round(values))]
-    return Panel(file.vertices, file.faces, colors=colors, title=title, names=names)
+    return Panel(file.vertices, file.faces, colors=colors, title=title, names=names, file_up=file_up(file.path))
 
 
 def _shape(file: MeshFile, title: str) -> Panel:
@@ -184,11 +186,24 @@ def _shape(file: MeshFile, title: str) -> Panel:
     if len(faces):
         vertices = np.ascontiguousarray(vertices[faces].reshape(-1, 3))
         faces = np.arange(len(vertices), dtype=np.int32).reshape(-1, 3)
-    return Panel(vertices, faces, colors=np.full((len(vertices), 3), _GREY), back=_BROWN, title=title)
+    return Panel(
+        vertices,
+        faces,
+        colors=np.full((len(vertices), 3), _GREY),
+        back=_BROWN,
+        title=title,
+        names=[("inside: backs of faces", _BROWN)] if has_border(file.faces) else [],
+        file_up=file_up(file.path),
+    )
 
 
 def crease_panel(
-    vertices: FloatArray, faces: IntArray, creases: Creases, *, radius: float | None = None, title: str = ""
+    vertices: FloatArray,
+    faces: IntArray,
+    creases: Creases,
+    *,
+    radius: float | None = None,
+    title: str = "",
 ) -> Panel:
     """A surface (n, 3), (m, 3) with its ridges in red and its ravines in blue, to be drawn by `render_panels`.
 

@@ -19,7 +19,8 @@ from bezier_filters import Panel, estimate_vertex_geometry, fill_holes, show, sm
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.meshlab.meshset import read_current_mesh
 from bezier_filters.pictures.page import decimate, page_of, report_page
-from bezier_filters.pictures.scene import draw, up_axis, view_axes, view_of
+from bezier_filters.pictures.scene import draw, orientation, view_of
+from bezier_filters.pictures.views import view_axes
 from bezier_filters.surfaces import bumpy_star, cylinder, sphere, torus
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -175,7 +176,7 @@ def test_the_picture_is_that_of_render(page, tmp_path):
     vertices, faces = ms.current_mesh().vertex_matrix(), ms.current_mesh().face_matrix()
     values = estimate_vertex_geometry(vertices, faces).mean_curvature
     panel = Panel(vertices, faces, values, signed=True)
-    view = view_of(panel, view_axes("front", up_axis(panel)))
+    view = view_of(panel, view_axes("front", *orientation(panel)))
     expected_mask, expected = cropped(draw(panel, [view], scale=250.0, background="#ffffff")[0] / 255.0)
     mask, colors = cropped(image)
     same = stretched(mask, expected_mask.shape)
