@@ -16,6 +16,7 @@ from bezier_filters.fields import FIELDS, GRADE, PREFIX, QUALITY, Field
 from bezier_filters.meshlab.mesh_files import load_columns
 from bezier_filters.meshlab.meshset import current_mesh
 from bezier_filters.pictures.scene import Color, Panel
+from bezier_filters.pictures.shades import shades_of
 from bezier_filters.pictures.views import file_up, has_border
 from bezier_filters.runtime.file_names import printable_name, printable_path
 from bezier_filters.status import FitStatus
@@ -106,8 +107,9 @@ def field_limits(
     if limits is not None:
         return limits
     values = _values(files, name)
-    signed = next(field.signed for file in files if (field := file.field(name)) is not None)
-    return round_limits(*color_range(values, signed=signed, percentile=percentile))
+    field = next(field for file in files if (field := file.field(name)) is not None)
+    low, high = color_range(values, signed=field.signed, percentile=percentile)
+    return round_limits(min(low, 0.0) if field.name.endswith("_std") else low, high)
 
 
 def _values(files: Sequence[MeshFile], name: str) -> FloatArray:
@@ -138,6 +140,7 @@ def field_panels(
         if field is not None and field.column in _CODES:
             panels.append(_codes(file, file.columns[name], _CODES[field.column], title))
         elif field is not None:
+            shades = shades_of(field, file.columns[name], file.faces)
             alike = [other for other in files if (it := other.field(name)) is not None and it.label == field.label]
             share = percentile if scale == "linear" else 0.0
             median = float(np.median(np.abs(_values(alike, name))))
@@ -145,8 +148,8 @@ def field_panels(
                 Panel(
                     file.vertices,
                     file.faces,
-                    file.columns[name],
-                    label=field.label,
+                    file.columns[name] if shades is None else shades,
+                    label=field.label if shades is None else f"{field.label}, means over 5 edges",
                     unit=field.unit,
                     colormap=colormap,
                     signed=field.signed,

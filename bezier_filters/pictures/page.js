@@ -64,8 +64,8 @@ data.groups.forEach(([name, members]) => {
   });
 });
 $("fields").hidden = !data.fields.length;
-data.comparisons.forEach(([name, text]) => radio($("modes"), "mode", name, `Before and after ${text}`, () => compare(name)));
-if (data.fields.length) radio($("modes"), "mode", "", "Field", () => { compare(""); choose(Math.max(state.field, 0)); });
+data.comparisons.forEach(([name, text]) => radio($("modes"), "mode", name, text[0].toUpperCase() + text.slice(1), () => compare(name)));
+if (data.fields.length) radio($("modes"), "mode", "", "Fields", () => { compare(""); choose(Math.max(state.field, 0)); });
 else radio($("modes"), "mode", "", "Shape", () => compare(""));
 [["", "Slider"], ["beside", "Side by side"]].forEach(([value, label]) => radio($("layouts"), "layout", value, label, () => { state.beside = !!value; compare(state.compare); }));
 const check = (group, value) => document.querySelectorAll(`input[name=${group}]`).forEach(it => { it.checked = it.value === String(value); });
@@ -104,6 +104,7 @@ function show() {
   const what = compared ? `the mesh before and after ${data.comparisons.find(([other]) => other === state.compare)[1]}` : field ? field.label : "the mesh";
   canvas.setAttribute("aria-label", `${data.title || "Mesh"}: ${what}. Use arrow keys to turn.`);
   state.pin = null; $("tip").hidden = true;
+  if (state.fitted) fit();
   if (field && !field.names) {
     $("unit").textContent = `${field.label}${field.unit ? ` [${field.unit}]` : ""}`;
     $("low").value = Number(state.limits[0].toPrecision(6)); $("high").value = Number(state.limits[1].toPrecision(6));
@@ -232,17 +233,20 @@ function save(name, content, type) {
 }
 const stem = (data.title || "mesh").replace(/\.[^.]*$/, "").replace(/[^\w.-]+/g, "_");
 // The picture with its title and legend, on paper of any colour.
-function sheet(target, wide, tall, ratio = 2) {
+function sheet(target, wide, tall, ratio = 2, size_to_paper = true) {
   const kept = [canvas.width, canvas.height], field = state.compare ? null : data.fields[state.field];
   const entries = state.compare ? comparison_key() : field && field.names ? legend_of(field) : [];
   const below = field && !field.names ? 80 : 14 + 18 * entries.length, top = 26, pen = target.getContext("2d");
   target.width = wide * ratio; target.height = (tall + top + below) * ratio;
   pen.scale(ratio, ratio); pen.fillStyle = "#fff"; pen.fillRect(0, 0, wide, tall + top + below);
+  const camera = {zoom: state.zoom, pan: state.pan, fitted: state.fitted};
+  if (size_to_paper) fit(state.compare && state.beside ? wide / 2 : wide, tall);
   render(wide * ratio, tall * ratio, ratio, [1, 1, 1]);
+  Object.assign(state, camera);
   pen.drawImage(canvas, 0, top, wide, tall);
   [canvas.width, canvas.height] = kept;
   const text = state.compare ? `Before and after ${data.comparisons.find(([it]) => it === state.compare)[1]}` : field ? `${field.label}${field.unit ? ` [${field.unit}]` : ""}` : "Shape";
-  pen.fillStyle = "#000"; pen.font = "600 13px system-ui, sans-serif"; pen.fillText(text, 4, 15);
+  pen.fillStyle = "#000"; pen.font = `600 ${wide < 500 ? 11.5 : 13}px system-ui, sans-serif`; pen.fillText(text, 4, 15);
   pen.font = "12px system-ui, sans-serif";
   if (field && !field.names) {
     const bar = document.createElement("canvas");
@@ -255,7 +259,7 @@ function sheet(target, wide, tall, ratio = 2) {
 }
 function save_picture() {
   const target = document.createElement("canvas");
-  sheet(target, canvas.clientWidth, canvas.clientHeight, Math.max(2, window.devicePixelRatio || 1)); draw();
+  sheet(target, canvas.clientWidth, canvas.clientHeight, Math.max(2, window.devicePixelRatio || 1), false); draw();
   target.toBlob(blob => save(`${stem}.png`, blob, "image/png"));
 }
 function tables_as_csv() {
@@ -270,12 +274,17 @@ function prepare_paper() {
   element("h1", data.title || "Mesh", first); element("p", data.about.join(" \u00b7 "), first);
   list_verdict(element("ol", "", first));
   const put = (parent, change, wide, tall) => { Object.assign(state, {creases: false, line: null, log: false, ...change}); if (!state.compare) { state.limits = (data.fields[state.field] || {limits: [0, 1]}).limits || [0, 1]; if (state.field >= 0) upload(state.field); } sheet(element("canvas", "", parent), wide, tall); };
-  if (kept.compare || data.comparisons.length) put(first, {compare: kept.compare || data.comparisons[0][0], beside: true}, 720, 330);
-  else put(first, {compare: ""}, 720, 330);
-  data.tables.slice(0, 1).forEach(it => table(first, it, 16));
+  if (kept.compare || data.comparisons.length) put(first, {compare: kept.compare || data.comparisons[0][0], beside: true}, 720, 280);
+  else put(first, {compare: ""}, 720, 280);
+  const on_second = it => it.title === "Fields";
+  data.tables.filter(it => !on_second(it)).forEach(it => { element("h2", it.title, first); table(first, it, it === data.tables[0] ? 12 : 6); });
+  if (data.findings.length) {
+    const list = (element("h2", "Findings", first), element("ul", "", first));
+    data.findings.forEach(text => element("li", text, list));
+  }
   const pictures = element("div", "", second, {className: "pictures"}), shown = data.fields.map((_, k) => k).filter(k => data.fields[k].printed).slice(0, 4);
-  shown.forEach(k => put(pictures, {compare: "", field: k}, 340, 210));
-  data.tables.slice(1).forEach(it => { element("h2", it.title, second); table(second, it, 13); });
+  shown.forEach(k => put(pictures, {compare: "", field: k}, 340, 165));
+  data.tables.filter(on_second).forEach(it => { element("h2", it.title, second); table(second, it); });
   Object.assign(state, kept);
   if (state.field >= 0) upload(state.field);
   draw_now();
@@ -299,7 +308,7 @@ $("creases").onchange = event => { state.creases = event.target.checked; if (sta
   show();
 }; });
 $("cut").onchange = event => { canvas.style.cursor = event.target.checked ? "crosshair" : ""; state.line = null; cut(); draw(); };
-const reset = () => { Object.assign(state, {turn: data.turn.slice(), zoom: 1, pan: [0, 0], line: null, pin: null}); cut(); draw(); };
+const reset = () => { Object.assign(state, {turn: data.turn.slice(), line: null, pin: null}); fit(); cut(); draw(); };
 $("reset").onclick = canvas.ondblclick = reset;
 $("png").onclick = save_picture;
 $("csv").onclick = () => save(`${stem}.csv`, tables_as_csv(), "text/csv");
@@ -355,6 +364,7 @@ window.onresize = show;
 window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", show);
 // A link may say what is shown: #field=0&turn=40&tilt=-10&compare=smoothed&creases&profile=0.2,0.5,0.8,0.5
 const asked = new URLSearchParams(location.hash.slice(1));
+fit();
 turned(Number(asked.get("turn") || 0) * Math.PI / 180, Number(asked.get("tilt") || 0) * Math.PI / 180);
 if (asked.has("log")) { state.log = $("log").checked = true; }
 if (asked.has("creases")) { state.creases = $("creases").checked = true; }

@@ -19,7 +19,7 @@ from bezier_filters.display import noise_level, shell_remark
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.feature_lines.crease_lines import Creases, edge_mesh, find_creases
-from bezier_filters.fields import ESTIMATES, SMOOTH, Field, columns, values_of
+from bezier_filters.fields import ESTIMATES, SMOOTH, columns, values_of
 from bezier_filters.fitting.vertex_geometry import VertexGeometry
 from bezier_filters.holes.hole_filling import HoleFillingResult, fill_holes
 from bezier_filters.meshes.mesh import surface_or_points, takes_meshes
@@ -32,9 +32,9 @@ from bezier_filters.pictures.page_fields import (
     field_record,
     field_table,
     group_members,
-    mean_around,
 )
 from bezier_filters.pictures.page_meshes import Frame, decimate, frame_of
+from bezier_filters.pictures.shades import shades_of
 from bezier_filters.pictures.verdict import Sentence, verdict
 from bezier_filters.pictures.views import AUTO_AXIS, Orientation, check_axes, has_border
 from bezier_filters.runtime.atomic import atomic_write
@@ -261,7 +261,7 @@ def page_of(
         comparisons.insert(0, ("smoothed", "smoothing", f"{smoothed.noise}; {after} after.".capitalize()))
         start = "smoothed" if smoothed.displacement.any() else start
     fields = [field for field in PAGE_FIELDS if field.column in values]
-    shades = {field.column: _shades(field, values, faces) for field in fields}
+    shades = {field.column: shades_of(field, values[field.column], faces) for field in fields}
     tables = [{"title": "The mesh", "header": ["quantity", "value"], "rows": facts}] if facts else []
     tables += [field_table(fields, values, known)] if fields else []
     tables += [_hole_table(filled)] if filled is not None and filled.holes else []
@@ -284,12 +284,6 @@ def page_of(
         "turn": oriented.first_view(vertices, faces).ravel().tolist(),
     }
     return Page(_html(title, data), notes, [field.name for field in fields], list(meshes))
-
-
-def _shades(field: Field, values: dict[str, FloatArray], faces: IntArray) -> FloatArray | None:
-    """What colours a standard error: its mean around each vertex; None for other fields, and for points."""
-    is_error = field.name.endswith("_std") and len(faces) > 0
-    return mean_around(values[field.column], faces) if is_error else None
 
 
 def _remarks(filled: HoleFillingResult, frame: Frame) -> list[str]:

@@ -3,7 +3,6 @@
 from base64 import b64encode
 
 import numpy as np
-from scipy.sparse import coo_array, diags_array
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray, Report
 from bezier_filters.display import color_range, round_limits
@@ -14,7 +13,7 @@ from bezier_filters.status import FitStatus
 GROUPS = {
     "Shape": {
         "mean_curvature": "Shows bulges, dents and noise: positive where the surface bulges outwards.",
-        "gaussian_curvature": "Tells caps and cups, positive, from saddles, negative; 0 where the surface unrolls flat.",
+        "gaussian_curvature": "Tells caps and cups, positive, from saddles, negative; 0 where it unrolls flat.",
         "k_min": "Finds valleys and grooves: negative where the surface is concave in some direction.",
         "k_max": "Finds ridges and edges: positive where the surface is convex in some direction.",
         "curvedness": "Shows how strongly the surface bends in any way: 0 on planes.",
@@ -37,11 +36,9 @@ NOISE = Field("noise", "noise, outwards, as smoothing finds it", "length", (SMOO
 PRINTED = ("mean_curvature", "mean_curvature_std", "noise", "fit_grade")  # fields with pictures on paper
 _ORDER = [name for group in GROUPS.values() for name in group]
 _PURPOSES = {name: purpose for group in GROUPS.values() for name, purpose in group.items()}
-PAGE_FIELDS = sorted(
-    (field for field in (*FIELDS, NOISE) if field.name in _ORDER), key=lambda it: _ORDER.index(it.name)
-)
-SMOOTHING_PASSES = 40  # of colours of standard errors: about 5 edges, as wide as the regions of one ring number
-_SMOOTHED = "Colours are means over some 5 edges, since single vertices differ by their rings; values are exact."
+_CHOSEN = [field for field in (*FIELDS, NOISE) if field.name in _ORDER]
+PAGE_FIELDS = sorted(_CHOSEN, key=lambda field: _ORDER.index(field.name))
+_SMOOTHED = "Colours are means over some 5 edges: single vertices differ by their rings. The pointer reads values."
 
 
 def encode_array(array: FloatArray | IntArray, kind: str) -> str:
@@ -100,23 +97,3 @@ def field_table(fields: list[Field], columns: dict[str, FloatArray], known: Bool
             low, middle, high = (float(value) for value in np.percentile(values, [0.0, 50.0, 100.0]))
             rows.append([field.label, field.unit, low, middle, high])
     return {"title": "Fields", "header": ["field", "unit", "smallest", "median", "largest"], "rows": rows}
-
-
-def mean_around(values: FloatArray, faces: IntArray, passes: int = SMOOTHING_PASSES) -> FloatArray:
-    """Values (n,) averaged with those of neighbours over faces (m, 3), a number of times.
-
-    >>> import numpy as np
-    >>> mean_around(np.array([0.0, 3.0, 6.0]), np.array([[0, 1, 2]]), passes=1).tolist()
-    [2.25, 3.0, 3.75]
-    """
-    n = len(values)
-    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    edges = np.concatenate([edges, edges[:, ::-1]])
-    adjacency = coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(n, n)).tocsr()
-    adjacency.data[:] = 1.0
-    counts = np.maximum(np.asarray(adjacency.sum(axis=1)).ravel(), 1.0)
-    has_neighbours = np.asarray(adjacency.sum(axis=1)).ravel() > 0.0
-    average = diags_array(1.0 / counts) @ adjacency
-    for _ in range(passes):
-        values = np.where(has_neighbours, 0.5 * (values + average @ values), values)
-    return values

@@ -11,6 +11,7 @@ from bezier_filters.smoothing.smooth import SmoothingResult
 
 Sentence: TypeAlias = tuple[str, str]  # text, and the command that acts on it, which may be empty
 
+_CLEARLY_LESS = 0.8  # ratio of the noise after to that before up to which smoothing is seen to have lowered it
 _MAX_REASONS = 2  # why holes stay open
 
 
@@ -44,7 +45,10 @@ def _noise(name: str, result: SmoothingResult) -> Sentence:
     if not result.displacement.any():
         return f"Noise of {_length(before, edge)} stays: smoothing would take more shape than noise.", ""
     left = "an unknown rest" if after is None else _length(after, edge)
-    return f"Noise of {_length(before, edge)} becomes {left} by smoothing.", f"bezier-filters smooth {name} smooth.ply"
+    moved = f"Noise of {_length(before, edge)}; after smoothing {left} is measured"
+    if after is not None and after > _CLEARLY_LESS * before:
+        moved += f", hardly less, although vertices move by {result.rms_displacement / edge:.2g} edges"
+    return f"{moved}.", f"bezier-filters smooth {name} smooth.ply"
 
 
 def _length(length: float, edge: float) -> str:
@@ -58,9 +62,8 @@ def _holes(name: str, result: HoleFillingResult) -> Sentence:
     holes = "1 hole" if count == 1 else f"{count:,} holes"
     text = f"{result.filled:,} of {holes} can be filled"
     if left:
-        reasons = Counter(
-            hole.reason.partition(";")[0] or "no reason known" for hole in result.holes if not hole.filled
-        )
+        unfilled = [hole.reason.partition(";")[0] for hole in result.holes if not hole.filled]
+        reasons = Counter(reason or "no reason known" for reason in unfilled)
         shown = "; ".join(f"{shell_remark(reason)} ({n:,})" for reason, n in reasons.most_common(_MAX_REASONS))
         text += f", {left:,} {'stays' if left == 1 else 'stay'} open: {shown}"
         text += "; and others" * (len(reasons) > _MAX_REASONS)

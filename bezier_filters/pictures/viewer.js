@@ -96,7 +96,7 @@ gl.bindTexture(gl.TEXTURE_2D, texture);
 
 const state = {
   field: -1, turn: data.turn.slice(), zoom: 1, pan: [0, 0], compare: "", beside: false, split: 0.5, limits: [0, 1],
-  log: false, creases: false, line: null, pin: null,
+  log: false, creases: false, line: null, pin: null, fitted: true,
 };
 const COOL_WARM = [[59, 77, 191], [230, 230, 230], [191, 5, 38]];
 const VIRIDIS = [[68, 1, 84], [72, 40, 120], [62, 74, 137], [49, 104, 142], [38, 130, 142], [31, 158, 137],
@@ -193,21 +193,30 @@ function render(wide, tall, ratio, background) {
       }
     });
     if (x > 0) {
-      gl.scissor(x - ratio, 0, 2 * ratio, tall); gl.clearColor(...background.map(it => 1 - it), 1);
+      gl.scissor(x - Math.ceil(ratio), 0, 2 * Math.ceil(ratio), tall); gl.clearColor(...background.map(it => 1 - it), 1);
       gl.clear(gl.COLOR_BUFFER_BIT);
     }
   }
   gl.disable(gl.SCISSOR_TEST);
 }
-let wanted = false;
-const draw_now = () => {
-  const ratio = window.devicePixelRatio || 1;
+// Frames that are late are drawn with fewer pixels, until nothing moves.
+let wanted = false, coarse = 1, last_frame = -Infinity, settle = 0;
+const LATE = 50, IDLE = 250, MAX_COARSE = 4;  // milliseconds, and the ratio of the pixels
+function draw_moving(time) {
+  const gap = time - last_frame;
+  coarse = gap > IDLE ? 1 : gap > LATE ? Math.min(MAX_COARSE, 2 * coarse) : coarse;
+  last_frame = time;
+  clearTimeout(settle); settle = setTimeout(() => { if (coarse > 1) draw_now(); }, IDLE);
+  draw_now(coarse);
+}
+const draw_now = (coarser = 1) => {
+  const ratio = (window.devicePixelRatio || 1) / coarser;
   wanted = false;
   render(Math.round(canvas.clientWidth * ratio), Math.round(canvas.clientHeight * ratio), ratio, ground());
   put_pin();
   document.body.dataset.drawn = "yes";
 };
-function draw() { if (!wanted) { wanted = true; requestAnimationFrame(draw_now); } }
+function draw() { if (!wanted) { wanted = true; requestAnimationFrame(draw_moving); } }
 
 // A picture of one pixel, in which the mesh is drawn that lies there.
 const pixel = gl.createFramebuffer();
@@ -225,12 +234,15 @@ gl.bindFramebuffer(gl.FRAMEBUFFER, null);
 function pick(x, y) {
   const wide = canvas.clientWidth, tall = canvas.clientHeight;
   const [mesh, , , left, right] = halves().find(([, from, to]) => x >= from * wide && x <= to * wide) || halves()[0];
-  const own = (right - left) * wide, fine = 16;  // parts of a pixel
+  const own = (right - left) * wide, closer = Math.max(own, tall);  // one pixel fills the picture
   gl.bindFramebuffer(gl.FRAMEBUFFER, pixel);
-  gl.viewport(Math.round(fine * (left * wide - x)), Math.round(-fine * (tall - y)), fine * own, fine * tall);
+  gl.viewport(0, 0, 1, 1);
   [0, 1].forEach(k => gl.clearBufferuiv(gl.COLOR, k, [0, 0, 0, 0]));
   gl.clearBufferfv(gl.DEPTH, 0, [1]);
-  aim(picker, own, tall, 12 * fine);
+  aim(picker, own, tall, 12);
+  const at = relative(x, y);
+  gl.uniform2fv(picker.uniform("zoom"), scales(own, tall).map(size => size * closer));
+  gl.uniform2fv(picker.uniform("pan"), at.map((it, k) => (state.pan[k] - it) * closer));
   submit(mesh);
   const bits = [0, 1].map(k => {
     const found = new Uint32Array(4);
@@ -251,10 +263,20 @@ function nearest_vertex([x, y, z]) {
   }
   return best;
 }
+// Width and beginning of the part of the picture with a place, in pixels of the page.
+function pane(x = 0) {
+  const wide = canvas.clientWidth, half = meshes[state.compare] && state.beside;
+  return half ? [wide / 2, x > wide / 2 ? wide / 2 : 0] : [wide, 0];
+}
+// A place of the picture, in pixels of the page, as one from -1 to 1 both ways.
+function relative(x, y) {
+  const [wide, left] = pane(x);
+  return [2 * (x - left) / wide - 1, 1 - 2 * y / canvas.clientHeight];
+}
 // A place of the picture, in pixels of the page, as one of the turned mesh.
 function placed(x, y) {
-  const wide = canvas.clientWidth, tall = canvas.clientHeight, [across, up] = scales(wide, tall);
-  return [(2 * x / wide - 1 - state.pan[0]) / across, (1 - 2 * y / tall - state.pan[1]) / up];
+  const size = scales(pane(x)[0], canvas.clientHeight);
+  return relative(x, y).map((at, k) => (at - state.pan[k]) / size[k]);
 }
 // Where a point is seen, in pixels of the page.
 function projected(point) {
@@ -271,12 +293,29 @@ function turned(x, y) {
   state.turn = result;
 }
 function moved(x, y) {
-  state.pan[0] += 2 * x / canvas.clientWidth; state.pan[1] -= 2 * y / canvas.clientHeight;
+  state.fitted = false;
+  state.pan[0] += 2 * x / pane()[0]; state.pan[1] -= 2 * y / canvas.clientHeight;
+}
+// Choose zoom and place so that the mesh fills a picture of so many pixels.
+function fit(wide = pane()[0], tall = canvas.clientHeight) {
+  const points = meshes.scan.points, m = state.turn, low = [Infinity, Infinity], high = [-Infinity, -Infinity];
+  for (let k = 0; k < points.length; k += 3) {
+    for (let i = 0; i < 2; i++) {
+      const at = m[3 * i] * points[k] + m[3 * i + 1] * points[k + 1] + m[3 * i + 2] * points[k + 2];
+      if (at < low[i]) low[i] = at;
+      if (at > high[i]) high[i] = at;
+    }
+  }
+  const half = low.map((it, i) => Math.max(0.5 * (high[i] - it), 1e-6));
+  state.zoom = Math.min(wide / half[0], tall / half[1]) / Math.min(wide, tall);
+  state.pan = scales(wide, tall).map((size, i) => -0.5 * (low[i] + high[i]) * size);
+  state.fitted = true;
 }
 // Zoom about a place of the picture, which stays where it is.
 function zoomed(factor, x, y) {
+  state.fitted = false;
   const zoom = Math.min(200, Math.max(0.2, state.zoom * factor)), by = zoom / state.zoom;
-  const at = [2 * x / canvas.clientWidth - 1, 1 - 2 * y / canvas.clientHeight];
+  const at = relative(x, y);
   state.pan = state.pan.map((pan, k) => at[k] - by * (at[k] - pan));
   state.zoom = zoom;
 }

@@ -43,7 +43,7 @@ class Orientation:
     convention: str = AUTO_AXIS
 
     def first_view(self, vertices: FloatArray, faces: IntArray) -> FloatArray:
-        """Directions right, up and towards the viewer, (3, 3): sheets from their front, bodies from a corner as well."""
+        """Directions right, up and towards the viewer, (3, 3): sheets from the front, bodies from a corner."""
         axes = choose_orientation(vertices, faces, self.up, self.front, convention=self.convention)
         is_body = len(faces) > 0 and np.linalg.norm(mean_normal(vertices, faces)) <= _SHEET
         return view_axes("iso" if is_body else "front", *axes)
