@@ -371,11 +371,17 @@ def print_batch(summary: Report) -> None:
     for file in summary["files"]:
         name = printable_path(file["input"])
         seconds = "" if file["result"] == "skipped" else f"{file['seconds']:.2f} s"
-        report = file["report"] or {}
-        remark = file["error"] or "; look at: ".join(filter(None, [_remark(report), *report.get("read", [])]))
-        out().print(f"{name:<{width}}  {file['result']:<7}  {seconds:>9}  {remark}".rstrip(), markup=False)
+        out().print(f"{name:<{width}}  {file['result']:<7}  {seconds:>9}  {batch_remark(file)}".rstrip(), markup=False)
     numbers = ", ".join(f"{summary[result]:,} {result}" for result in ("done", "skipped", "failed"))
     out().print(f"{summary['command']}: {numbers} ({summary['seconds']:.1f} s)")
+    if "index" in summary:
+        out().print(f"wrote [bold]{escape(printable_path(summary['index']))}[/]; open it in a browser")
+
+
+def batch_remark(file: Report) -> str:
+    """Why a file of a batch failed, or the most important numbers of its report."""
+    report = file["report"] or {}
+    return file["error"] or "; look at: ".join(filter(None, [_remark(report), *report.get("read", [])]))
 
 
 def _remark(report: Report) -> str:

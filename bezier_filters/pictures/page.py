@@ -311,15 +311,16 @@ def _hole_table(filled: HoleFillingResult) -> Report:
 def _html(title: str, data: Report) -> str:
     # Nothing in the texts may end the script that holds them.
     text = json.dumps(data, allow_nan=False).replace("<", "\\u003c")
-    scripts = "\n".join(map(_template, ("viewer.js", "profile.js", "page.js")))
-    return fill_template("page.html", title=escape(title), style=_template("page.css"), script=scripts, data=text)
+    scripts = "\n".join(map(read_template, ("viewer.js", "profile.js", "page.js")))
+    return fill_template("page.html", title=escape(title), style=read_template("page.css"), script=scripts, data=text)
 
 
 def fill_template(name: str, **parts: str) -> str:
     """A template with its parts."""
     # all at once: what is put in may look like a place, too
-    return re.sub(r"\{\{(\w+)\}\}", lambda place: parts[place[1]], _template(name))
+    return re.sub(r"\{\{(\w+)\}\}", lambda place: parts[place[1]], read_template(name))
 
 
-def _template(name: str) -> str:
+def read_template(name: str) -> str:
+    """The text of a template or script of this package."""
     return Path(__file__).with_name(name).read_text("utf-8")

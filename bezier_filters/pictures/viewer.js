@@ -94,6 +94,7 @@ gl.bindTexture(gl.TEXTURE_2D, texture);
 [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER].forEach(kind => gl.texParameteri(gl.TEXTURE_2D, kind, gl.LINEAR));
 [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T].forEach(kind => gl.texParameteri(gl.TEXTURE_2D, kind, gl.CLAMP_TO_EDGE));
 
+let coarse = 1;  // ratio of the pixels of a frame
 const state = {
   field: -1, turn: data.turn.slice(), zoom: 1, pan: [0, 0], compare: "", beside: false, split: 0.5, limits: [0, 1],
   log: false, creases: false, line: null, pin: null, fitted: true,
@@ -128,6 +129,32 @@ function upload(index) {
     entries.set([...(field.names ? CODES[Math.min(k, CODES.length - 1)] : blend(nodes, k / 255)), 255], 4 * k);
   }
   gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, 256, 1, 0, gl.RGBA, gl.UNSIGNED_BYTE, entries);
+}
+// Faces between one vertex in each cell of a grid: enough while the mesh turns.
+const GRID = 90, FACES_AT_ONCE = 30000;
+function sparse_faces(mesh) {
+  const {points, indices} = mesh, first = new Map(), chosen = new Uint32Array(points.length / 3), faces = [];
+  const cell = x => Math.floor(GRID * 0.5 * (x + 1));
+  for (let k = 0; k < chosen.length; k++) {
+    const at = (cell(points[3 * k]) * GRID + cell(points[3 * k + 1])) * GRID + cell(points[3 * k + 2]);
+    if (!first.has(at)) first.set(at, k);
+    chosen[k] = first.get(at);
+  }
+  const end = mesh.new_from ?? indices.length;
+  for (let k = 0; k < end; k += 3) {
+    const [a, b, c] = [chosen[indices[k]], chosen[indices[k + 1]], chosen[indices[k + 2]]];
+    if (a !== b && b !== c && c !== a) faces.push(a, b, c);
+  }
+  const first_new = faces.length;
+  for (let k = end; k < indices.length; k++) faces.push(indices[k]);
+  return {...mesh, order: buffer(gl.ELEMENT_ARRAY_BUFFER, new Uint32Array(faces)), count: faces.length,
+    new_from: mesh.new_from === null ? null : first_new};
+}
+const sparse = {};
+function drawn(mesh) {
+  if (coarse === 1 || mesh.lines || mesh.count < 3 * FACES_AT_ONCE) return mesh;
+  const name = Object.keys(meshes).find(it => meshes[it] === mesh), {position, normal, value, exact, error} = mesh;
+  return {...(sparse[name] ??= sparse_faces(mesh)), position, normal, value, exact, error};
 }
 function submit(mesh, part) {
   ATTRIBUTES.forEach((name, at) => {
@@ -171,8 +198,8 @@ function render(wide, tall, ratio, background) {
   gl.disable(gl.SCISSOR_TEST); gl.clearColor(...background, 1); gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
   gl.enable(gl.SCISSOR_TEST);
   const field = data.fields[state.field], compared = !!meshes[state.compare];
-  for (const [mesh, from, to, left, right] of halves()) {
-    const [x, end] = [Math.round(from * wide), Math.round(to * wide)], own = Math.round((right - left) * wide);
+  for (const [whole, from, to, left, right] of halves()) {
+    const mesh = drawn(whole), [x, end] = [Math.round(from * wide), Math.round(to * wide)], own = Math.round((right - left) * wide);
     gl.viewport(Math.round(left * wide), 0, own, tall); gl.scissor(x, 0, end - x, tall);
     aim(painter, own, tall, 4 * ratio * Math.sqrt(state.zoom));
     if (compared) {
@@ -199,18 +226,18 @@ function render(wide, tall, ratio, background) {
   }
   gl.disable(gl.SCISSOR_TEST);
 }
-// Frames that are late are drawn with fewer pixels, until nothing moves.
-let wanted = false, coarse = 1, last_frame = -Infinity, settle = 0;
-const LATE = 50, IDLE = 250, MAX_COARSE = 4;  // milliseconds, and the ratio of the pixels
+// Frames that are late are drawn with fewer pixels and faces, until nothing moves.
+let wanted = false, last_frame = -Infinity, settle = 0;
+const LATE = 50, IDLE = 250, MAX_COARSE = 2;  // milliseconds, and the ratio of the pixels
 function draw_moving(time) {
   const gap = time - last_frame;
   coarse = gap > IDLE ? 1 : gap > LATE ? Math.min(MAX_COARSE, 2 * coarse) : coarse;
   last_frame = time;
-  clearTimeout(settle); settle = setTimeout(() => { if (coarse > 1) draw_now(); }, IDLE);
-  draw_now(coarse);
+  clearTimeout(settle); settle = setTimeout(() => { if (coarse > 1) { coarse = 1; draw_now(); } }, IDLE);
+  draw_now();
 }
-const draw_now = (coarser = 1) => {
-  const ratio = (window.devicePixelRatio || 1) / coarser;
+const draw_now = () => {
+  const ratio = (window.devicePixelRatio || 1) / coarse;
   wanted = false;
   render(Math.round(canvas.clientWidth * ratio), Math.round(canvas.clientHeight * ratio), ratio, ground());
   put_pin();
@@ -234,7 +261,7 @@ gl.bindFramebuffer(gl.FRAMEBUFFER, null);
 function pick(x, y) {
   const wide = canvas.clientWidth, tall = canvas.clientHeight;
   const [mesh, , , left, right] = halves().find(([, from, to]) => x >= from * wide && x <= to * wide) || halves()[0];
-  const own = (right - left) * wide, closer = Math.max(own, tall);  // one pixel fills the picture
+  const own = (right - left) * wide, closer = 8 * Math.max(own, tall);  // an eighth of a pixel fills the picture
   gl.bindFramebuffer(gl.FRAMEBUFFER, pixel);
   gl.viewport(0, 0, 1, 1);
   [0, 1].forEach(k => gl.clearBufferuiv(gl.COLOR, k, [0, 0, 0, 0]));
