@@ -148,7 +148,7 @@ def batch(
 
 
 def write_reports(out: Path, summary: "Report", *, quiet: bool) -> None:
-    """Write a report beside each new result that is a mesh, and one page with all files.
+    """Write a report for each new result that is a mesh, in its folder, and one page with all files.
 
     Reports that are newer than their results are kept.
     """

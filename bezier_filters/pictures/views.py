@@ -84,7 +84,7 @@ def choose_orientation(
 
     Open sheets are seen from the side that their normals face, as the camera that scanned them saw them: with x to the
     right. Other meshes stand upright by the convention of their file, else along z if they are clearly longest in z,
-    else along y; those that lie flat are seen from above. The front is never the narrow side.
+    else along y; flat ones are seen from above. The front is never the narrow side.
     """
     check_axes(up, front)
     if up != AUTO_AXIS and front != AUTO_AXIS:
