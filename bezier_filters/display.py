@@ -4,6 +4,7 @@ The help of the command line imports it, so NumPy is imported only where there a
 """
 
 import math
+import re
 from collections.abc import Iterable, Sequence
 from html import escape
 from numbers import Integral, Real
@@ -199,6 +200,15 @@ def noise_in_words(
         return f"noise {level}"
     correlated = f"correlated over {_format_length(length, edge)}" if length else "independent from vertex to vertex"
     return f"noise {level}{' in all directions' * heavy}, {correlated}"
+
+
+def shell_remark(text: str) -> str:
+    """A remark on holes with names of options instead of parameters.
+
+    >>> shell_remark("the outer rim of an open sheet; outer_rims=True fills it, too")
+    'the outer rim of an open sheet; --outer-rims fills it, too'
+    """
+    return re.sub(r"(\w+)=True( of the filter)?", lambda found: f"--{found[1].replace('_', '-')}", text)
 
 
 def _format_length(length: float, edge: float | None) -> str:

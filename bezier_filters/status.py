@@ -48,6 +48,11 @@ class FitStatus(IntEnum):
         return self <= FitStatus.FOLDED
 
     @property
+    def words(self) -> str:
+        """The outcome in a few words, for legends."""
+        return self.message.partition(":")[0]
+
+    @property
     def grade(self) -> int:
         """Number of this outcome in the column ``bz_fit_grade``; higher is better."""
         return FitStatus.SKIPPED - self

@@ -13,6 +13,7 @@ import typer
 
 from bezier_filters._version import __version__
 from bezier_filters.cli import console
+from bezier_filters.display import shell_remark
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.parameters import LENGTH_TYPE, PARAMETERS, Parameter
 from bezier_filters.runtime.atomic import temporary_folder
@@ -162,6 +163,9 @@ ColorRange = Annotated[
         "--range", help="Values of the first and the last colour, instead of --percentile.", metavar="LOW HIGH"
     ),
 ]
+_AXIS = "auto, x, y, z, -x, -y or -z."
+Up = Annotated[str, typer.Option(help=f"Axis that points up in the picture: {_AXIS}")]
+Front = Annotated[str, typer.Option(help=f"Axis that faces the viewer in the front view: {_AXIS}")]
 Skip = Annotated[bool, typer.Option("--skip", help="Leave vertices without finite coordinates out, and their faces.")]
 
 
@@ -218,9 +222,9 @@ def shell_message(message: str) -> str:
 def end_with_remarks(target: str, report: "Report") -> None:
     """Print the remarks and warnings of a report; with warnings, exit with the status for incomplete results."""
     for remark in report.get("remarks", []):
-        console.err().print(f"note: {console.shell_remark(shell_message(remark))}", markup=False)
+        console.err().print(f"note: {shell_remark(shell_message(remark))}", markup=False)
     if warnings := report.get("warnings"):
-        text = console.shell_remark("; ".join(warnings))
+        text = shell_remark("; ".join(warnings))
         console.err().print(f"look at {target}: {text}", markup=False)
         raise typer.Exit(EXIT_INCOMPLETE)
 

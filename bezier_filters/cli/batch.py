@@ -15,13 +15,16 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from bezier_filters._version import __version__
 from bezier_filters.cli import console, filters, inspection, textures
 from bezier_filters.cli.app import Json, Quiet, app, choose_scheduler
 from bezier_filters.cli.reading import file_remarks
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.fields import DEVIATION, MEASURES
 from bezier_filters.parameters import PARAMETERS
+from bezier_filters.runtime.atomic import atomic_write
 from bezier_filters.runtime.checksums import file_checksum
+from bezier_filters.runtime.file_names import printable_path
 from bezier_filters.runtime.supervision import EXIT_INCOMPLETE
 
 if TYPE_CHECKING:
@@ -32,6 +35,7 @@ __all__ = ["Item", "batch", "command_line", "filters", "inspection", "plan", "ru
 
 # file in the folder of the results: a line of JSON per result, with path, checksum of the input, command and options
 RECORDS = ".bezier-filters-batch"
+INDEX = "index.html"  # page with all files, in the folder of the results
 
 
 @dataclass(frozen=True)
@@ -63,6 +67,9 @@ def batch(
     jobs: Annotated[int | None, typer.Option(help="Number of processes; all cores by default.", min=1)] = None,
     options: Annotated[str, typer.Option(help="Options of the command, in quotes.")] = "",
     suffix: Annotated[str, typer.Option(help="Format of the results.")] = ".ply",
+    report: Annotated[
+        bool, typer.Option("--report", help="Also write a report on every result, and index.html with all files.")
+    ] = False,
     redo: Annotated[bool, typer.Option("--redo", help="Also where there is a result already.")] = False,
     scheduler: Annotated[
         str | None,
@@ -130,6 +137,8 @@ def batch(
             console.err().print(message, markup=False)
             raise
     summary = summarize(command, items, time.perf_counter() - start)
+    if report:
+        write_reports(out, summary, quiet=quiet or json)
     if json:
         console.print_json(summary)
     elif not quiet:
@@ -138,6 +147,38 @@ def batch(
         raise typer.Exit(1)
     if any((item.report or {}).get("warnings") for item in items):
         raise typer.Exit(EXIT_INCOMPLETE)
+
+
+def write_reports(out: Path, summary: "Report", *, quiet: bool) -> None:
+    """Write a report for each new result that is a mesh, in its folder, and one page with all files.
+
+    Reports that are newer than their results are kept.
+    """
+    from bezier_filters.pictures.index_page import IndexRow, index_page
+
+    rows = []
+    with console.stages(quiet=quiet) as stage:
+        progress = stage(f"reports: {len(summary['files']):,} files")
+        for done, file in enumerate(summary["files"], start=1):
+            target, remark, result = Path(file["output"]), console.batch_remark(file), file["result"]
+            page: Path | None = target.with_suffix(".html")
+            if result == "failed" or page is None:
+                page = None
+            elif not page.exists() or page.stat().st_mtime < target.stat().st_mtime:
+                try:
+                    run_command(["report", "--overwrite", "--", *map(os.path.abspath, (target, page))])
+                except (ValueError, OSError) as error:
+                    page, remark = None, "; ".join(filter(None, [remark, f"no report: {error}"]))
+            looked = "look" if (file["report"] or {}).get("warnings") else result
+            link = None if page is None else Path(os.path.relpath(page, out)).as_posix()
+            rows.append(IndexRow(printable_path(file["input"]), looked, remark, link))
+            if progress is not None:
+                progress(done, len(summary["files"]))
+    counts = [f"{summary[name]:,} {name}" for name in ("done", "skipped", "failed")]
+    about = [time.strftime("%Y-%m-%d"), f"bezier-filters {__version__}", *counts]
+    with atomic_write(out / INDEX) as temporary:
+        temporary.write_text(index_page(f"{summary['command']}: {len(rows):,} files", about, rows), encoding="utf-8")
+    summary["index"] = os.fspath(out / INDEX)
 
 
 def _absolute(item: Item) -> tuple[str, str]:

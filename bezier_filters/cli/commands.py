@@ -11,13 +11,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from bezier_filters._version import __version__
 from bezier_filters.cli import batch, console, filters, inspection, pictures, scale, textures
 from bezier_filters.cli.app import (
+    Front,
     Json,
     Overwrite,
     Quiet,
     Skip,
     Source,
+    Up,
     app,
     check_target,
     end_with_remarks,
@@ -145,26 +148,39 @@ def report(
             callback=pipe_callback(".html"),
         ),
     ] = None,
+    up: Up = "auto",
+    front: Front = "auto",
     skip: Skip = False,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Write a page with the mesh, to be turned in a browser, and its measurements: one file, no network.
+    """Write a page with a verdict on the mesh, the mesh in 3D and its measurements: one file, no network.
 
-    It shows curvature, torsion, error bars, status and sharp edges with legends and histograms, the output of info, and
-    the mesh before and after smoothing and filling. A line drawn on the mesh has its profile.
+    It begins with the noise, the holes and what stands in the way, each with the command that acts on it, and the mesh
+    before and after smoothing and filling. Then come curvature, torsion, standard errors and status, whose values stand
+    under the pointer, sharp edges, profiles, and the output of info. Pictures and tables can be saved and printed.
     """
     from bezier_filters.pictures.page import report_page
+    from bezier_filters.pictures.views import Orientation, check_axes, file_up
 
     page = Path(source.name).with_suffix(".html") if page is None else page
     if page.suffix.lower() not in (".html", ".htm"):
         raise typer.BadParameter(f"PAGE: got {str(page)!r}, expected a file name that ends in .html")
     check_target(page, source, overwrite=overwrite)
+    check_axes(up, front)
     with console.stages(quiet=quiet or json) as stage:
         mesh, summary = _inspect(source, stage, skip=skip)
         made = report_page(
-            printable_name(source), mesh, console.summary_rows(summary), summary["findings"], stage=stage
+            printable_name(source),
+            mesh,
+            console.summary_rows(summary),
+            summary["findings"],
+            source=printable_path(source),
+            about=file_facts(source),
+            can_be_repaired=summary["can_be_repaired"],
+            oriented=Orientation(up, front, file_up(source)),
+            stage=stage,
         )
         made.save(page)
     if json:
@@ -174,6 +190,15 @@ def report(
         for note in made.notes:
             console.out().print(note)
         console.out().print(f"wrote [bold]{console.escape(printable_path(page))}[/]; open it in a browser")
+
+
+def file_facts(source: Path) -> list[str]:
+    """Date, version, and size of a file."""
+    size, unit = float(source.stat().st_size), "bytes"
+    for larger in ("kB", "MB", "GB"):
+        if size >= 1000.0:
+            size, unit = size / 1000.0, larger
+    return [time.strftime("%Y-%m-%d"), f"bezier-filters {__version__}", f"{size:.3g} {unit}"]
 
 
 def _inspect(source: Path, stage: console.Stage, *, skip: bool) -> tuple["CurrentMesh", "Report"]:

@@ -6,13 +6,12 @@ Rich is imported on first output: that takes longer than all of the help.
 from __future__ import annotations  # the annotated types are slow to import
 
 import json
-import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from bezier_filters.display import noise_in_words, noise_level
+from bezier_filters.display import noise_in_words, noise_level, shell_remark
 from bezier_filters.fields import CURVATURE, qualities
 from bezier_filters.inspection.deviation_status import DeviationStatus
 from bezier_filters.runtime.file_names import printable_path
@@ -166,15 +165,6 @@ def _print_repaired(report: Report) -> None:
     changes = {name.replace("_", " "): count for name, count in (report.get("repaired") or {}).items() if count}
     if changes:
         out().print("  repaired: " + ", ".join(f"{count:,} {name}" for name, count in changes.items()))
-
-
-def shell_remark(text: str) -> str:
-    """A remark on holes with names of options instead of parameters.
-
-    >>> shell_remark("the outer rim of an open sheet; outer_rims=True fills it, too")
-    'the outer rim of an open sheet; --outer-rims fills it, too'
-    """
-    return re.sub(r"(\w+)=True( of the filter)?", lambda found: f"--{found[1].replace('_', '-')}", text)
 
 
 def print_holes(report: Report, source: str) -> None:
@@ -381,11 +371,17 @@ def print_batch(summary: Report) -> None:
     for file in summary["files"]:
         name = printable_path(file["input"])
         seconds = "" if file["result"] == "skipped" else f"{file['seconds']:.2f} s"
-        report = file["report"] or {}
-        remark = file["error"] or "; look at: ".join(filter(None, [_remark(report), *report.get("read", [])]))
-        out().print(f"{name:<{width}}  {file['result']:<7}  {seconds:>9}  {remark}".rstrip(), markup=False)
+        out().print(f"{name:<{width}}  {file['result']:<7}  {seconds:>9}  {batch_remark(file)}".rstrip(), markup=False)
     numbers = ", ".join(f"{summary[result]:,} {result}" for result in ("done", "skipped", "failed"))
     out().print(f"{summary['command']}: {numbers} ({summary['seconds']:.1f} s)")
+    if "index" in summary:
+        out().print(f"wrote [bold]{escape(printable_path(summary['index']))}[/]; open it in a browser")
+
+
+def batch_remark(file: Report) -> str:
+    """Why a file of a batch failed, or the most important numbers of its report."""
+    report = file["report"] or {}
+    return file["error"] or "; look at: ".join(filter(None, [_remark(report), *report.get("read", [])]))
 
 
 def _remark(report: Report) -> str:

@@ -11,6 +11,7 @@ import typer
 import bezier_filters as bf  # which loads what it has when it is used
 from bezier_filters.cli import console
 from bezier_filters.cli.app import (
+    Front,
     Json,
     Overwrite,
     Quiet,
@@ -18,6 +19,7 @@ from bezier_filters.cli.app import (
     Skip,
     Source,
     Target,
+    Up,
     app,
     check_target,
     end_with_remarks,
@@ -252,6 +254,8 @@ def creases(
     *,
     picture: Picture = None,
     view: PictureView = None,
+    up: Up = "auto",
+    front: Front = "auto",
     skip: Skip = False,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
@@ -284,10 +288,12 @@ def creases(
         save_lines(target, *lines_as_mesh(found))
         if picture is not None:
             from bezier_filters.pictures.field_panels import crease_panel
+            from bezier_filters.pictures.views import file_up
 
             stage(f"drawing {printable_name(picture)}")
             panel = crease_panel(mesh.vertices, mesh.faces, found, title=printable_name(source))
-            bf.render_panels(picture, [panel], views=view or ["front", "back"])
+            panel = replace(panel, file_up=file_up(source))
+            bf.render_panels(picture, [panel], views=view or ["front", "back"], up=up, front=front)
     report = report_of(found, mesh) | {"seconds": {"fit": seconds}}
     if json:
         shown = None if picture is None else user_path(picture)
@@ -313,6 +319,8 @@ def lines(
     *,
     picture: Picture = None,
     view: PictureView = None,
+    up: Up = "auto",
+    front: Front = "auto",
     skip: Skip = False,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
@@ -347,10 +355,12 @@ def lines(
         save_lines(target, *lines_as_mesh(found))
         if picture is not None:
             from bezier_filters.pictures.line_panels import line_panel
+            from bezier_filters.pictures.views import file_up
 
             stage(f"drawing {printable_name(picture)}")
             panel = line_panel(mesh.vertices, mesh.faces, found, title=printable_name(source))
-            bf.render_panels(picture, [panel], views=view or ["front", "back"])
+            panel = replace(panel, file_up=file_up(source))
+            bf.render_panels(picture, [panel], views=view or ["front", "back"], up=up, front=front)
     report = report_of(found, geometry, mesh) | {"seconds": {"fit": fitted - begin, "trace": traced - fitted}}
     if json:
         shown = None if picture is None else user_path(picture)

@@ -1,6 +1,7 @@
 """The commands that measure meshes: against a reference, and their surfaces."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -9,11 +10,13 @@ import typer
 import bezier_filters as bf  # which loads what it has when it is used
 from bezier_filters.cli import console
 from bezier_filters.cli.app import (
+    Front,
     Json,
     Overwrite,
     Quiet,
     Skip,
     Source,
+    Up,
     app,
     check_target,
     end_with_remarks,
@@ -63,6 +66,8 @@ def compare(
     view: Annotated[
         list[str] | None, typer.Option(help="View of the picture: front, back, left, ...; may be repeated.")
     ] = None,
+    up: Up = "auto",
+    front: Front = "auto",
     skip: Skip = False,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
@@ -101,9 +106,11 @@ def compare(
             remarks = bf.save_mesh(ms, target, compact=True)
         if picture is not None:
             from bezier_filters.pictures.deviation_picture import deviation_panel
+            from bezier_filters.pictures.views import file_up
 
             stage(f"drawing {printable_name(picture)}")
-            bf.render_panels(picture, [deviation_panel(ms, report)], views=view or ["front", "back"])
+            panel = replace(deviation_panel(ms, report), file_up=file_up(source))
+            bf.render_panels(picture, [panel], views=view or ["front", "back"], up=up, front=front)
     if json:
         paths = {"input": source, "reference": reference, "output": target, "picture": picture}
         console.print_json({name: path and user_path(path) for name, path in paths.items()} | report)

@@ -8,12 +8,14 @@ import typer
 from bezier_filters.cli import console
 from bezier_filters.cli.app import (
     ColorRange,
+    Front,
     Json,
     Overwrite,
     Percentile,
     Quiet,
     Skip,
     Source,
+    Up,
     app,
     check_target,
     examples,
@@ -68,7 +70,6 @@ PictureColors = Annotated[
     typer.Option(help="auto (Cool Warm or Viridis), Paper, Paper Curvature, or a map of matplotlib: RdBu_r, ..."),
 ]
 Scale = Annotated[ColorScale, typer.Option(help="symlog is logarithmic both ways from zero, for values of all sizes.")]
-Up = Annotated[str, typer.Option(help="Axis that points up: auto, x, y, z, -x, -y or -z.")]
 
 
 def _read(source: Path, stage: console.Stage, *, skip: bool) -> "MeshFile":
@@ -103,6 +104,7 @@ def render(
     size: Annotated[int, typer.Option(help="Largest side of one image in pixels.", min=50, max=4000)] = 600,
     dpi: Annotated[float, typer.Option(help="Pixels per inch, stored in the file.", min=1)] = 100,
     up: Up = "auto",
+    front: Front = "auto",
     skip: Skip = False,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
@@ -131,7 +133,9 @@ def render(
             shown.append({"field": name, "label": legend.label, "unit": legend.unit, "limits": legend.limits})
         columns = len(files) if len(files) > 1 else None
         title = printable_name(sources[0]) if len(files) == 1 else None
-        render_panels(picture, panels, views=views, columns=columns, size=(size, size), title=title, up=up, dpi=dpi)
+        render_panels(
+            picture, panels, views=views, columns=columns, size=(size, size), title=title, up=up, front=front, dpi=dpi
+        )
     if json:
         inputs = [user_path(source) for source in sources]
         console.print_json({"inputs": inputs, "output": user_path(picture), "views": views, "panels": shown})
@@ -148,6 +152,7 @@ def view(
     limits: ColorRange = None,
     scale: Scale = "linear",
     up: Up = "auto",
+    front: Front = "auto",
     skip: Skip = False,
 ) -> None:
     """Show meshes with their fields in a window, to turn with the mouse; q closes it. Needs a display."""
@@ -162,7 +167,7 @@ def view(
     for name in field or [default_field(files)]:
         panels += field_panels(files, name, *colors)
     restore_default_interrupts()
-    show_panels(panels, columns=len(files) if len(files) > 1 else None, up=up)
+    show_panels(panels, columns=len(files) if len(files) > 1 else None, up=up, front=front)
 
 
 @app.command(epilog=examples("qmap curved.ply curved.qmap --field bz_k_max"))

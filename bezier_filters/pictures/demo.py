@@ -18,6 +18,7 @@ from bezier_filters.meshlab.vertex_filters import (
 from bezier_filters.pictures.field_panels import field_panels, read_mesh_file
 from bezier_filters.pictures.render import render_panels
 from bezier_filters.pictures.scene import Panel
+from bezier_filters.pictures.views import file_up
 from bezier_filters.runtime.parallel import Progress
 
 _STEPS: list[tuple[str, Callable[..., Report], dict[str, Any]]] = [
@@ -52,10 +53,10 @@ def run_demo(
         if NORMALS in field.filters:  # which are shown as colours, the other fields by the values in their file
             arrays = read_current_mesh(ms)
             colors, title = 0.5 + 0.5 * arrays.vertex_normals, "normals (x, y, z as red, green, blue)"
-            panels.append(Panel(arrays.vertices, arrays.faces, colors=colors, title=title))
+            panels.append(Panel(arrays.vertices, arrays.faces, colors=colors, title=title, file_up=file_up(mesh)))
         else:
             (panel,) = field_panels([read_mesh_file(path)], QUALITY, colormap=AUTO, percentile=2.0)
-            panels.append(replace(panel, title=field.label))
+            panels.append(replace(panel, title=field.label, file_up=file_up(mesh)))
         yield field.label, path, report
     stage("drawing")
     render_panels(picture, panels, views=("front", "back"), size=(480, 480))

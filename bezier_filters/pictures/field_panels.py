@@ -16,6 +16,8 @@ from bezier_filters.fields import FIELDS, GRADE, PREFIX, QUALITY, Field
 from bezier_filters.meshlab.mesh_files import load_columns
 from bezier_filters.meshlab.meshset import current_mesh
 from bezier_filters.pictures.scene import Color, Panel
+from bezier_filters.pictures.shades import shades_of
+from bezier_filters.pictures.views import file_up, has_border
 from bezier_filters.runtime.file_names import printable_name, printable_path
 from bezier_filters.status import FitStatus
 
@@ -25,10 +27,10 @@ NO_UNIT = "no unit"
 _KNOWN = {field.column: field for field in FIELDS}
 _GREY, _BROWN = 0.75, (0.69, 0.54, 0.42)
 _CODES = {  # what numbers in a column stand for
-    GRADE: {status.grade: status.name for status in FitStatus},
+    GRADE: {status.grade: status.words for status in FitStatus},
     "bz_crease": {-2: "sharp ravine", -1: "ravine", 0: "none found", 1: "ridge", 2: "sharp ridge"},
 }
-_GREY_WORDS = ("OK", "none found")  # those of most vertices
+_GREY_WORDS = (FitStatus.OK.words, "none found")  # those of most vertices
 _GREY_BELOW_LINES = 0.85
 # lines along the principal directions
 DIRECTIONS = [("direction of k_max", COLORS["ridge"]), ("direction of k_min", COLORS["ravine"])]
@@ -105,8 +107,9 @@ def field_limits(
     if limits is not None:
         return limits
     values = _values(files, name)
-    signed = next(field.signed for file in files if (field := file.field(name)) is not None)
-    return round_limits(*color_range(values, signed=signed, percentile=percentile))
+    field = next(field for file in files if (field := file.field(name)) is not None)
+    low, high = color_range(values, signed=field.signed, percentile=percentile)
+    return round_limits(min(low, 0.0) if field.name.endswith("_std") else low, high)
 
 
 def _values(files: Sequence[MeshFile], name: str) -> FloatArray:
@@ -137,6 +140,7 @@ def field_panels(
         if field is not None and field.column in _CODES:
             panels.append(_codes(file, file.columns[name], _CODES[field.column], title))
         elif field is not None:
+            shades = shades_of(field, file.columns[name], file.faces)
             alike = [other for other in files if (it := other.field(name)) is not None and it.label == field.label]
             share = percentile if scale == "linear" else 0.0
             median = float(np.median(np.abs(_values(alike, name))))
@@ -144,8 +148,8 @@ def field_panels(
                 Panel(
                     file.vertices,
                     file.faces,
-                    file.columns[name],
-                    label=field.label,
+                    file.columns[name] if shades is None else shades,
+                    label=field.label if shades is None else f"{field.label}, means over 5 edges",
                     unit=field.unit,
                     colormap=colormap,
                     signed=field.signed,
@@ -153,10 +157,11 @@ def field_panels(
                     histogram=histogram,
                     title=title,
                     linear_below=None if scale == "linear" else median or 1.0,
+                    file_up=file_up(file.path),
                 )
             )
         elif name == COLOR and file.colors is not None:
-            panels.append(Panel(file.vertices, file.faces, colors=file.colors, title=title))
+            panels.append(Panel(file.vertices, file.faces, colors=file.colors, title=title, file_up=file_up(file.path)))
         else:
             panels.append(_shape(file, title))
     return panels
@@ -175,7 +180,7 @@ def _codes(file: MeshFile, values: FloatArray, words: dict[int, str], title: str
         for code, count in zip(codes.tolist(), counts.tolist(), strict=True)
     ]
     colors = np.array([color for _, color in names])[np.searchsorted(codes, np.round(values))]
-    return Panel(file.vertices, file.faces, colors=colors, title=title, names=names)
+    return Panel(file.vertices, file.faces, colors=colors, title=title, names=names, file_up=file_up(file.path))
 
 
 def _shape(file: MeshFile, title: str) -> Panel:
@@ -184,11 +189,24 @@ def _shape(file: MeshFile, title: str) -> Panel:
     if len(faces):
         vertices = np.ascontiguousarray(vertices[faces].reshape(-1, 3))
         faces = np.arange(len(vertices), dtype=np.int32).reshape(-1, 3)
-    return Panel(vertices, faces, colors=np.full((len(vertices), 3), _GREY), back=_BROWN, title=title)
+    return Panel(
+        vertices,
+        faces,
+        colors=np.full((len(vertices), 3), _GREY),
+        back=_BROWN,
+        title=title,
+        names=[("inside: backs of faces", _BROWN)] if has_border(file.faces) else [],
+        file_up=file_up(file.path),
+    )
 
 
 def crease_panel(
-    vertices: FloatArray, faces: IntArray, creases: Creases, *, radius: float | None = None, title: str = ""
+    vertices: FloatArray,
+    faces: IntArray,
+    creases: Creases,
+    *,
+    radius: float | None = None,
+    title: str = "",
 ) -> Panel:
     """A surface (n, 3), (m, 3) with its ridges in red and its ravines in blue, to be drawn by `render_panels`.
 

@@ -12,7 +12,12 @@ _RADIUS_OF_SPACING = 0.07  # of tubes, in spacings
 
 
 def line_panel(
-    vertices: FloatArray, faces: IntArray, found: SurfaceLines, *, radius: float | None = None, title: str = ""
+    vertices: FloatArray,
+    faces: IntArray,
+    found: SurfaceLines,
+    *,
+    radius: float | None = None,
+    title: str = "",
 ) -> Panel:
     """A surface (n, 3), (m, 3) with lines in a colour for each kind, to be drawn by `render_panels`.
 

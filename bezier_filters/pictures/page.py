@@ -5,7 +5,6 @@ It is the template `page.html` next to this module, with scripts and data insert
 
 import json
 import re
-from base64 import b64encode
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from html import escape
@@ -14,33 +13,39 @@ from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial import cKDTree
 
-from bezier_filters.arrays import BoolArray, FloatArray, IntArray, Report
-from bezier_filters.display import color_range, noise_level, round_limits
+from bezier_filters.arrays import FloatArray, IntArray, Report
+from bezier_filters.display import noise_level, shell_remark
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.feature_lines.crease_lines import Creases, edge_mesh, find_creases
-from bezier_filters.fields import ESTIMATES, FIELDS, GRADE, SMOOTH, Field, columns, values_of
+from bezier_filters.fields import ESTIMATES, SMOOTH, columns, values_of
 from bezier_filters.fitting.vertex_geometry import VertexGeometry
 from bezier_filters.holes.hole_filling import HoleFillingResult, fill_holes
 from bezier_filters.meshes.mesh import surface_or_points, takes_meshes
 from bezier_filters.meshes.mesh_objects import MeshLike
 from bezier_filters.meshlab.hole_filter import fill_warnings
-from bezier_filters.meshlab.meshset import CurrentMesh, Mesh, MeshSet, current_mesh, one_at_a_time
-from bezier_filters.pictures.scene import Panel, up_axis, view_axes
+from bezier_filters.meshlab.meshset import CurrentMesh
+from bezier_filters.pictures.page_fields import (
+    NOISE,
+    PAGE_FIELDS,
+    field_record,
+    field_table,
+    group_members,
+)
+from bezier_filters.pictures.page_meshes import Frame, decimate, frame_of
+from bezier_filters.pictures.shades import shades_of
+from bezier_filters.pictures.verdict import Sentence, verdict
+from bezier_filters.pictures.views import AUTO_AXIS, Orientation, check_axes, has_border
 from bezier_filters.runtime.atomic import atomic_write
 from bezier_filters.runtime.file_names import escape_unprintable
 from bezier_filters.runtime.parallel import Progress
 from bezier_filters.smoothing.smooth import SmoothingResult, smooth
 from bezier_filters.status import FitStatus
 
+DEFAULT_ORIENTATION = Orientation()
 MAX_PAGE_FACES = 200_000  # that a browser turns without jerks on any machine
-# names of fields, in the order in which they can be chosen
-SHOWN = ["mean_curvature", "gaussian_curvature", "k_min", "k_max", "curvedness", "shape_index", "geodesic_torsion"]
-SHOWN += ["mean_curvature_std", "gaussian_curvature_std", "normal_std", "residual", "displacement", "fit_grade"]
-_FIELDS = sorted((field for field in FIELDS if field.name in SHOWN), key=lambda field: SHOWN.index(field.name))
-_NOISE = Field("noise", "noise, outwards, as smoothing finds it", "length", (SMOOTH,), signed=True)
+MAX_PAGE_HOLES = 100  # rows of the table of holes
 _NOTEBOOK_HEIGHT_PIXELS = 640  # pixels, in a notebook
 
 Result: TypeAlias = VertexGeometry | Creases | SmoothingResult | HoleFillingResult
@@ -76,26 +81,9 @@ class Page:
 
     def _repr_html_(self) -> str:
         """The page in a frame of its own, which can do nothing outside of it."""
+        allowed = 'sandbox="allow-scripts allow-downloads allow-modals"'  # to save and to print
         size = f'width="100%" height="{_NOTEBOOK_HEIGHT_PIXELS}" style="border: 1px solid #ddd"'
-        return f'<iframe srcdoc="{escape(self.html)}" sandbox="allow-scripts" {size}></iframe>'
-
-
-@dataclass(frozen=True)
-class _Shown:
-    """How a mesh is drawn: around a centre (3,), in units of a length."""
-
-    center: FloatArray
-    radius: float
-
-    def pack(self, points: FloatArray, indices: IntArray, **more: object) -> Report:
-        """Points (k, 3) with faces (m, 3) or edges (e, 2), as the page takes them."""
-        around = (points - self.center) / self.radius
-        return {
-            "points": _encode_array(around, "<f4"),
-            "indices": _encode_array(indices, "<u4"),
-            "new_from": None,
-            **more,
-        }
+        return f'<iframe srcdoc="{escape(self.html)}" {allowed} {size}></iframe>'
 
 
 def report_page(
@@ -104,12 +92,17 @@ def report_page(
     facts: Sequence[tuple[str, str]],
     findings: Sequence[str],
     *,
+    source: str = "",
+    about: Sequence[str] = (),
+    can_be_repaired: bool = False,
+    oriented: Orientation = DEFAULT_ORIENTATION,
     stage: Callable[[str], Progress | None] = lambda _: None,
     most_faces: int = MAX_PAGE_FACES,
 ) -> Page:
-    """Compute the contents of a page, with facts and findings as text.
+    """Compute the contents of a page, with facts and findings as text, from a file with the name `source`.
 
-    `stage` begins a stage, given its name, and returns the callback for its progress.
+    `about` is what stands below the title. `stage` begins a stage, given its name, and returns the callback for its
+    progress.
     """
     vertices, faces = mesh.vertices, mesh.faces
     normals = None if len(faces) else np.nan_to_num(mesh.vertex_normals)
@@ -121,8 +114,22 @@ def report_page(
         smoothed = smooth(vertices, faces, progress=stage("smoothing"))
         filled = fill_holes(vertices, faces, progress=stage("filling holes"))
     stage("writing the page" if len(faces) <= most_faces else f"choosing {most_faces:,} faces to draw")
-    results = geometry, creases, smoothed, filled
-    return page_of(title, vertices, faces, *results, facts=facts, findings=findings, most_faces=most_faces)
+    sentences = verdict(source or title, smoothed, filled, findings, can_be_repaired=can_be_repaired)
+    return page_of(
+        title,
+        vertices,
+        faces,
+        geometry,
+        creases,
+        smoothed,
+        filled,
+        facts=facts,
+        findings=findings,
+        sentences=sentences,
+        about=about,
+        oriented=oriented,
+        most_faces=most_faces,
+    )
 
 
 @takes_meshes
@@ -131,12 +138,14 @@ def show(
     faces: ArrayLike | None = None,
     *results: Result,
     title: str = "",
+    up: str = AUTO_AXIS,
+    front: str = AUTO_AXIS,
     most_faces: int = MAX_PAGE_FACES,
 ) -> Page:
     """Show a mesh in a notebook, to be turned with the mouse, with results for it: the page of a report.
 
-    Fields are colours with legends and histograms, creases are lines, and what was smoothed or filled is after a slider
-    whose other side is before. A line drawn on the mesh has a profile.
+    What was smoothed or filled is after a slider whose other side is before. Fields are colours with legends and
+    histograms, whose values stand under the pointer; creases are lines. A line drawn on the mesh has a profile.
 
     Parameters
     ----------
@@ -149,6 +158,8 @@ def show(
         What was computed from it, at most one of each.
     title : str
         Heading of the page.
+    up, front : str
+        Axes that point up and towards the viewer at first, as those of `render_panels`.
     most_faces : int
         A mesh with more faces is drawn with so many, and the page says so.
 
@@ -187,13 +198,16 @@ def show(
             count = mesh.vertex_count
             raise InvalidParameterError(f"results: a {got} belongs to another mesh than these {count} vertices")
         found[name] = result
-    return page_of(title, mesh.vertices, mesh.faces, **found, most_faces=most_faces)  # type: ignore[arg-type]
+    check_axes(up, front)
+    oriented = Orientation(up, front)
+    return page_of(title, mesh.vertices, mesh.faces, **found, oriented=oriented, most_faces=most_faces)  # type: ignore[arg-type]
 
 
 def _fits(result: Result, vertex_count: int) -> bool:
     """Whether a result is of a mesh with so many vertices."""
     if isinstance(result, HoleFillingResult):
-        return len(result.vertices) - sum(len(hole.new_vertices) for hole in result.holes) == vertex_count
+        new = sum(len(hole.new_vertices) for hole in result.holes)
+        return len(result.vertices) - new == len(result.old_vertices) == vertex_count
     if isinstance(result, SmoothingResult):
         return len(result.vertices) == vertex_count
     return len((result.geometry if isinstance(result, Creases) else result).status) == vertex_count
@@ -210,107 +224,103 @@ def page_of(
     *,
     facts: Sequence[tuple[str, str]] = (),
     findings: Sequence[str] = (),
+    sentences: Sequence[Sentence] = (),
+    about: Sequence[str] = (),
+    oriented: Orientation = DEFAULT_ORIENTATION,
     most_faces: int = MAX_PAGE_FACES,
 ) -> Page:
-    """The page of a mesh (n, 3), (m, 3), or of points without faces, with facts and findings as text."""
+    """The page of a mesh (n, 3), (m, 3), or of points without faces, with its texts."""
     title = escape_unprintable(title)
-    low, high = vertices.min(axis=0), vertices.max(axis=0)
-    shown = _Shown(0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low)) or 1.0)
+    frame = frame_of(vertices)
     points, triangles, rows = decimate(vertices, faces, most_faces)
-    meshes, comparisons, notes = {"scan": shown.pack(points, triangles)}, [], []
+    meshes, comparisons, notes = {"scan": frame.pack(points, triangles)}, [], []
     if len(points) < len(vertices):
         what, kept, of = ("faces", triangles, faces) if len(faces) else ("points", points, vertices)
         notes.append(f"Drawn with {len(kept):,} of {len(of):,} {what}; values are those of the nearest vertices.")
     values: dict[str, FloatArray] = {}
     known = np.ones(len(vertices), dtype=np.bool_)
     if geometry is not None:
-        values |= values_of([field for field in _FIELDS if set(ESTIMATES) & set(field.filters)], geometry)
+        values |= values_of([field for field in PAGE_FIELDS if set(ESTIMATES) & set(field.filters)], geometry)
         known = np.asarray(geometry.status <= FitStatus.FOLDED)
     if creases is not None:
         for kind in ("ridge", "ravine"):
             if lines := [line for line in creases.lines if line.kind == kind]:
-                meshes[f"{kind}s"] = shown.pack(*edge_mesh(lines)[:2], lines=True)
+                meshes[f"{kind}s"] = frame.pack(*edge_mesh(lines)[:2], lines=True)
+    start = ""
+    if filled is not None and filled.filled:
+        meshes["filled"] = frame.pack_fills(filled, points, triangles)
+        text = "; ".join([f"{filled.filled:,} of {len(filled.holes):,} holes filled", *_remarks(filled, frame)])
+        comparisons.append(("filled", "hole filling", f"{text}."))
+        start = "filled"
     if smoothed is not None:
         values |= columns(SMOOTH, smoothed)
         if geometry is not None:
-            values[_NOISE.column] = np.einsum("ij,ij->i", vertices - smoothed.vertices, geometry.normals)
-        meshes["smoothed"] = shown.pack(points + (smoothed.vertices - vertices)[rows], triangles)
+            values[NOISE.column] = np.einsum("ij,ij->i", vertices - smoothed.vertices, geometry.normals)
+        meshes["smoothed"] = frame.pack(points + (smoothed.vertices - vertices)[rows], triangles)
         after = noise_level(smoothed.noise_after, smoothed.mean_edge)
-        comparisons.append(("smoothed", "smoothing", f"{smoothed.noise}; {after} after."))
-    if filled is not None and filled.filled:
-        meshes["filled"] = _pack_fills(filled, points, triangles, filled.faces[len(faces) :], shown)
-        text = f"{filled.filled:,} of {len(filled.holes):,} holes filled, orange"
-        comparisons.append(("filled", "hole filling", "; ".join([text, *fill_warnings(filled, 2 * shown.radius)])))
-    fields = [field for field in (*_FIELDS, _NOISE) if field.column in values]
+        comparisons.insert(0, ("smoothed", "smoothing", f"{smoothed.noise}; {after} after.".capitalize()))
+        start = "smoothed" if smoothed.displacement.any() else start
+    fields = [field for field in PAGE_FIELDS if field.column in values]
+    shades = {field.column: shades_of(field, values[field.column], faces) for field in fields}
+    tables = [{"title": "The mesh", "header": ["quantity", "value"], "rows": facts}] if facts else []
+    tables += [field_table(fields, values, known)] if fields else []
+    tables += [_hole_table(filled)] if filled is not None and filled.holes else []
     data = {
         "title": title,
+        "about": about,
+        "verdict": sentences,
         "notes": notes,
-        "facts": facts,
+        "tables": tables,
         "findings": findings,
-        "fields": [_field(field, values, rows, known) for field in fields],
+        "fields": [field_record(field, values, rows, known, shades[field.column]) for field in fields],
+        "groups": group_members(fields),
         "meshes": meshes,
-        "radius": shown.radius,
+        "whole": len(points) == len(vertices),
+        "open": bool(len(faces)) and has_border(faces),
+        "center": frame.center.tolist(),
+        "radius": frame.radius,
         "comparisons": comparisons,
-        "turn": view_axes("front", up_axis(Panel(vertices, faces, vertices[:, 0]))).ravel().tolist(),
+        "start": start,
+        "turn": oriented.first_view(vertices, faces).ravel().tolist(),
     }
     return Page(_html(title, data), notes, [field.name for field in fields], list(meshes))
 
 
+def _remarks(filled: HoleFillingResult, frame: Frame) -> list[str]:
+    return [shell_remark(text) for text in fill_warnings(filled, 2 * frame.radius)]
+
+
+def _hole_table(filled: HoleFillingResult) -> Report:
+    """Table of the holes, the largest first."""
+    header = ["fill", "edges", "diameter", "new faces", "rim angle [degrees]", "remark"]
+    rows = [
+        [
+            hole.method or "left open",
+            hole.edge_count,
+            float(hole.diameter),
+            len(hole.new_faces),
+            round(float(hole.rim_dihedral), 1) if hole.filled else "",
+            shell_remark(hole.reason),
+        ]
+        for hole in sorted(filled.holes, key=lambda hole: -hole.edge_count)[:MAX_PAGE_HOLES]
+    ]
+    more = f", the largest {MAX_PAGE_HOLES}" if len(filled.holes) > MAX_PAGE_HOLES else ""
+    return {"title": f"Holes: {len(filled.holes):,}{more}", "header": header, "rows": rows}
+
+
 def _html(title: str, data: Report) -> str:
-    here = Path(__file__)
-    html, *scripts = (here.with_name(name).read_text("utf-8") for name in ("page.html", "profile.js", "page.js"))
     # Nothing in the texts may end the script that holds them.
     text = json.dumps(data, allow_nan=False).replace("<", "\\u003c")
-    parts = {"title": escape(title), "script": "\n".join(scripts), "data": text}
+    scripts = "\n".join(map(read_template, ("viewer.js", "profile.js", "page.js")))
+    return fill_template("page.html", title=escape(title), style=read_template("page.css"), script=scripts, data=text)
+
+
+def fill_template(name: str, **parts: str) -> str:
+    """A template with its parts."""
     # all at once: what is put in may look like a place, too
-    return re.sub(r"\{\{(title|script|data)\}\}", lambda place: parts[place[1]], html)
+    return re.sub(r"\{\{(\w+)\}\}", lambda place: parts[place[1]], read_template(name))
 
 
-def _pack_fills(
-    result: HoleFillingResult, points: FloatArray, triangles: IntArray, new_faces: IntArray, shown: _Shown
-) -> Report:
-    """Pack the mesh with filled holes: the points and triangles that are drawn of the old mesh, then all new faces."""
-    used, corners = np.unique(new_faces, return_inverse=True)
-    new = corners.reshape(-1, 3).astype(np.int32) + np.int32(len(points))
-    return shown.pack(np.vstack([points, result.vertices[used]]), np.vstack([triangles, new]), new_from=triangles.size)
-
-
-def decimate(vertices: FloatArray, faces: IntArray, most: int) -> tuple[FloatArray, IntArray, IntArray]:
-    """Reduce a mesh to a number of faces, or points; also returns the nearest old vertex of each new one."""
-    if not len(faces):
-        rows = np.arange(0, len(vertices), 1 + (len(vertices) - 1) // most, dtype=np.int32)
-        return vertices[rows], faces, rows
-    if len(faces) <= most:
-        return vertices, faces, np.arange(len(vertices), dtype=np.int32)
-    with one_at_a_time():
-        ms = MeshSet()
-        ms.add_mesh(Mesh(vertices, faces))
-        ms.meshing_decimation_quadric_edge_collapse(targetfacenum=most, preserveboundary=True, selected=False)
-        mesh = current_mesh(ms)
-        points, triangles = np.array(mesh.vertex_matrix()), np.array(mesh.face_matrix(), dtype=np.int32)
-    return points, triangles, cKDTree(vertices).query(points)[1].astype(np.int32)
-
-
-def _field(field: Field, columns: dict[str, FloatArray], rows: IntArray, known: BoolArray) -> Report:
-    """A field for the page: codes have names, other fields colour limits and, if available, standard errors."""
-    values, errors = columns[field.column], columns.get(f"{field.column}_std")
-    record = {
-        "label": field.label,
-        "unit": field.unit,
-        "signed": field.signed,
-        "values": _encode_array(values[rows], "<f4"),
-    }
-    if field.column == GRADE:
-        names = {s.grade: {"text": s.name, "count": int((values == s.grade).sum())} for s in FitStatus}
-        return record | {"names": names}
-    inside = values[known] if known.any() else values
-    return record | {
-        "errors": None if errors is None else _encode_array(errors[rows], "<f4"),
-        "limits": round_limits(*color_range(inside, signed=field.signed)),
-        "range": round_limits(*color_range(inside, signed=field.signed, percentile=0.0)),
-        "median": float(np.median(np.abs(inside))),
-    }
-
-
-def _encode_array(array: FloatArray | IntArray, kind: str) -> str:
-    return b64encode(np.ascontiguousarray(array, dtype=kind).tobytes()).decode("ascii")
+def read_template(name: str) -> str:
+    """The text of a template or script of this package."""
+    return Path(__file__).with_name(name).read_text("utf-8")

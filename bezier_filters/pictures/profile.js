@@ -1,4 +1,3 @@
-"use strict";
 // The profile of a mesh along a line on the screen: what the plane through the line and the direction of sight cuts of
 // it, where that is seen. Points are in units of the page, `turn` is the rotation by which they are seen, the line goes
 // from one place [x, y] of the turned mesh to another. Result: distances from the beginning of the line, heights
@@ -35,17 +34,17 @@ function profile(mesh, turn, from, to, fields, pieces = 400) {
 }
 
 // Curves over distances on a canvas, each {values, color, errors?}; NaN are gaps. Errors make a band around theirs.
-function chart(canvas, title, distances, curves, write) {
+function chart(canvas, title, distances, curves, write, ink) {
   const ratio = window.devicePixelRatio || 1, wide = canvas.width = canvas.clientWidth * ratio, tall = canvas.height = canvas.clientHeight * ratio;
   const pen = canvas.getContext("2d"), left = 64 * ratio, top = 28 * ratio, right = wide - 12 * ratio, bottom = tall - 20 * ratio;
   const all = curves.flatMap(curve => [-1, 1].map(sign => curve.values.map((value, i) => value + sign * (curve.errors ? curve.errors[i] : 0)))).flatMap(values => [...values]).filter(Number.isFinite);
   let low = Math.min(...all), high = Math.max(...all);
-  pen.fillStyle = "#222"; pen.font = `${12 * ratio}px system-ui, sans-serif`; pen.fillText(title, 6 * ratio, 14 * ratio);
+  pen.fillStyle = ink; pen.font = `${12 * ratio}px system-ui, sans-serif`; pen.fillText(title, 6 * ratio, 14 * ratio);
   if (!all.length) return;
   const least = 1e-5 * Math.max(Math.abs(low), Math.abs(high)) || 1e-12;  // what differs by less, single precision has made
   if (high - low < least) { low -= least; high += least; }
   const x = distance => left + (right - left) * distance / distances[distances.length - 1], y = value => bottom - (bottom - top) * (value - low) / (high - low);
-  pen.textAlign = "right"; pen.textBaseline = "middle"; pen.strokeStyle = "#ddd"; pen.lineWidth = ratio;
+  pen.textAlign = "right"; pen.textBaseline = "middle"; pen.strokeStyle = "#8888"; pen.lineWidth = ratio;
   for (const value of [low, 0.5 * (low + high), high]) { pen.fillText(write(value), left - 6 * ratio, y(value)); pen.beginPath(); pen.moveTo(left, y(value)); pen.lineTo(right, y(value)); pen.stroke(); }
   pen.textBaseline = "bottom";
   for (const share of [0, 0.5, 1]) { pen.textAlign = ["left", "center", "right"][2 * share]; pen.fillText(write(share * distances[distances.length - 1]), left + share * (right - left), tall - 2 * ratio); }

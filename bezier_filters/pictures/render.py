@@ -4,7 +4,7 @@ import difflib
 import io
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate, zip_longest
 from pathlib import Path
@@ -17,6 +17,7 @@ from bezier_filters.display import AUTO, PALETTES, matplotlib_colormap
 from bezier_filters.errors import InvalidParameterError, is_integer, is_real
 from bezier_filters.pictures import scene
 from bezier_filters.pictures.scene import Image, Panel
+from bezier_filters.pictures.views import AUTO_AXIS, VIEW_NAMES, check_axes, view_axes
 from bezier_filters.runtime.atomic import atomic_write
 
 if TYPE_CHECKING:
@@ -44,6 +45,8 @@ _BAR_SHARE = 0.85  # of the width of the images above a bar: the outer ticks sti
 _COMMON_BAR_SHARE = 0.4  # of the width of all images, where they have one bar
 _ARROW = 0.04  # length of the ends of a bar beyond its range, in units of its length
 _BINS = 60  # of histograms
+_DECADES = 12  # of sizes that ticks may have on logarithmic scales
+_TICK_GAP = 0.11  # between ticks on logarithmic scales, in units of the length of the bar
 
 
 @checks_arguments
@@ -56,7 +59,8 @@ def render_panels(
     size: tuple[int, int] = (600, 600),
     background: str = "white",
     title: str | None = None,
-    up: str = "auto",
+    up: str = AUTO_AXIS,
+    front: str = AUTO_AXIS,
     dpi: float = 100.0,
 ) -> None:
     """Write one sheet that shows panels side by side and views below one another.
@@ -84,8 +88,11 @@ def render_panels(
         Text above the sheet.
     up : str
         Axis that points up in the front view: ``"x"``, ``"y"``, ``"z"``, ``"-x"``, ``"-y"``,
-        ``"-z"``, or ``"auto"``: for each panel y, but z if its mesh is tall in z, and -z if it lies flat
-        in x and z, so that it is seen from above.
+        ``"-z"``, or ``"auto"``, for each panel: that of its file's convention, else z if its mesh is tall in z,
+        else y; what lies flat is seen from above, and x of open sheets points to the right.
+    front : str
+        Axis that points towards the viewer in the front view, perpendicular to `up`; ``"auto"`` is the side that the
+        normals of an open sheet face, and else z, but -y where z points up.
     dpi : float
         Pixels per inch, stored in the file, for its size on paper.
 
@@ -108,12 +115,13 @@ def render_panels(
     scene.require_libraries()
     from matplotlib.image import imsave
 
-    background = _check_panels(panels, views, columns, size, background, up)
+    background = _check_panels(panels, views, columns, size, background)
+    check_axes(up, front)
     style = _Style(max(10.0, _FONT * max(size)), background)
-    ups = [scene.up_axis(panel) if up == "auto" else up for panel in panels]
+    oriented = [scene.orientation(panel, up, front) for panel in panels]
     seen = [
-        [scene.view_of(panel, scene.view_axes(view, up)) for view in views]
-        for panel, up in zip(panels, ups, strict=True)
+        [scene.view_of(panel, view_axes(view, *axes)) for view in views]
+        for panel, axes in zip(panels, oriented, strict=True)
     ]
     scale = _common_scale([view for own in seen for view in own], size)
     with atomic_write(path) as temporary:
@@ -124,7 +132,7 @@ def render_panels(
 
 
 def _check_panels(
-    panels: Sequence[Panel], views: Sequence[str], columns: int | None, size: tuple[int, int], background: str, up: str
+    panels: Sequence[Panel], views: Sequence[str], columns: int | None, size: tuple[int, int], background: str
 ) -> str:
     """Check the parameters of `render_panels`; the background as a colour that every library knows."""
     import matplotlib
@@ -137,8 +145,7 @@ def _check_panels(
     if not panels or not views:
         raise InvalidParameterError("got no panels or no views, expected at least one of each")
     for view in views:
-        _check_choice("view", view, scene.VIEW_NAMES)
-    _check_choice("up", up, ("auto", *scene.UP_AXES))
+        _check_choice("view", view, VIEW_NAMES)
     for panel in panels:
         try:
             matplotlib_colormap(panel.colormap)
@@ -306,8 +313,8 @@ def _color_bar(panel: Panel, width: float, style: _Style) -> Image:
     bar = figure.colorbar(colors, cax=axes, orientation="horizontal", extend=extend, extendfrac=_ARROW)
     places, texts, exponent = ticks(low, high)
     if panel.linear_below:
-        places = [place for place in (low, -panel.linear_below, 0.0, panel.linear_below, high) if low <= place <= high]
-        texts, exponent = [f"{place:.2g}".replace("-", "\N{MINUS SIGN}") for place in places], 0
+        places, exponent = symlog_ticks(panel.norm(), low, high), 0
+        texts = [f"{place:g}".replace("-", "\N{MINUS SIGN}") for place in places]
     elif sum(0.64 * _TICK_SIZE * font * len(text) + font for text in texts) > 1.2 * wide:  # a digit is 0.64 wide
         places, texts, exponent = ticks(low, high, count=3)
     bar.set_ticks(places, labels=texts)
@@ -366,3 +373,18 @@ def ticks(low: float, high: float, count: int = 5) -> tuple[list[float], list[st
         f"{value:.{decimals}f}".replace("-", "\N{MINUS SIGN}") if round(value, decimals) else "0" for value in scaled
     ]
     return places.tolist(), texts, exponent
+
+
+def symlog_ticks(place_of: Callable[[float], float], low: float, high: float) -> list[float]:
+    """Round numbers 0 and +-1, 2, 5 times powers of ten within limits for a symmetric logarithmic scale.
+
+    `place_of` gives places from 0 to 1; powers of ten from the largest on are chosen first, none too close to another.
+    """
+    largest = math.floor(math.log10(max(abs(low), abs(high))))
+    decades = [10.0**k for k in range(largest, largest - _DECADES, -1)]
+    sizes = [digit * decade for digit in (1.0, 5.0, 2.0) for decade in decades]
+    chosen: list[float] = []
+    for value in (0.0, *(sign * size for size in sizes for sign in (1.0, -1.0))):
+        if low <= value <= high and all(abs(place_of(value) - place_of(other)) > _TICK_GAP for other in chosen):
+            chosen.append(value)
+    return sorted(chosen)

@@ -16,6 +16,7 @@ from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.display import AUTO, color_range, matplotlib_colormap, round_limits
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
 from bezier_filters.meshes.mesh import triangle_mesh
+from bezier_filters.pictures.views import AUTO_AXIS, choose_orientation, view_axes
 
 if TYPE_CHECKING:
     import pyvista
@@ -34,29 +35,6 @@ _LINES_PER_DIAGONAL = 400.0  # their radii in a row are as long as the diagonal 
 _SIDES = 12  # of tubes
 _ZOOM = 1.3  # a window first has room for a ball around the meshes
 _REMEDY = "`bezier-filters render` draws a picture without one"
-# Right, up and towards the viewer, each in the coordinates (right, up, towards) of the front view.
-_VIEWS = {
-    "front": ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
-    "back": ((-1, 0, 0), (0, 1, 0), (0, 0, -1)),
-    "left": ((0, 0, 1), (0, 1, 0), (-1, 0, 0)),
-    "right": ((0, 0, -1), (0, 1, 0), (1, 0, 0)),
-    "top": ((1, 0, 0), (0, 0, -1), (0, 1, 0)),
-    "bottom": ((1, 0, 0), (0, 0, 1), (0, -1, 0)),
-}
-_ISO_TOWARDS = (1.0, 0.8, 1.6)
-
-# The same for the front view itself, by the axis that points up, in the coordinates of the mesh.
-_FRONT = {
-    "x": ((0, -1, 0), (1, 0, 0), (0, 0, 1)),
-    "y": ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
-    "z": ((1, 0, 0), (0, 0, 1), (0, -1, 0)),
-    "-x": ((0, -1, 0), (-1, 0, 0), (0, 0, -1)),
-    "-y": ((1, 0, 0), (0, -1, 0), (0, 0, -1)),
-    "-z": ((1, 0, 0), (0, 0, -1), (0, 1, 0)),
-}
-
-VIEW_NAMES = (*_VIEWS, "iso")
-UP_AXES = tuple(_FRONT)
 
 
 class RenderingUnavailableError(ImportError):
@@ -111,6 +89,8 @@ class Panel:
         Points of lines, each joined to the next one, which are drawn as tubes.
     line_radius : float, optional
         Of the tubes, a length; by default a 400th of the diagonal of the bounding box.
+    file_up : str
+        Axis that points up by the convention of the file, see `file_up`; ``"auto"`` if there is none.
 
     Raises
     ------
@@ -136,6 +116,7 @@ class Panel:
     names: Sequence[tuple[str, Color]] = ()
     lines: Sequence[tuple[FloatArray, Color]] = ()
     line_radius: float | None = None
+    file_up: str = AUTO_AXIS
 
     def __post_init__(self) -> None:
         n = len(self.vertices)
@@ -158,6 +139,12 @@ class Panel:
         result = np.zeros(len(self.vertices), dtype=np.bool_)
         result[self.faces] = True
         return result
+
+    def tube_radius(self) -> float:
+        """Radius of the tubes that lines are drawn as, a length."""
+        if self.line_radius is not None:
+            return self.line_radius
+        return float(np.linalg.norm(np.ptp(self.vertices, axis=0))) / _LINES_PER_DIAGONAL
 
     def color_limits(self) -> tuple[float, float]:
         """Values of the first and the last colour."""
@@ -187,39 +174,24 @@ class View:
         return self.high - self.low
 
 
-def up_axis(panel: Panel) -> str:
-    """Axis that points up, guessed from the shape so that the front view is never the narrowest.
-
-    It is y, as in MeshLab's first view, which also looks down on height fields z(x, y). Meshes
-    that are tall in z stand upright (z), and meshes that lie flat in x and z are seen from above (-z).
-    """
-    x, y, z = np.ptp(panel.vertices[panel.drawn()], axis=0)
-    if z > 1.5 * max(x, y):
-        return "z"
-    return "-z" if min(x, z) > 1.5 * y else "y"
-
-
-def view_axes(view: str, up: str) -> FloatArray:
-    """Directions right, up and towards the viewer of a named view: the rows of a (3, 3) rotation.
-
-    >>> view_axes("top", up="z").tolist()
-    [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
-    """
-    if view == "iso":
-        towards = np.array(_ISO_TOWARDS) / np.linalg.norm(_ISO_TOWARDS)
-        right = np.cross((0, 1, 0), towards)
-        right /= np.linalg.norm(right)
-        local = np.array([right, np.cross(towards, right), towards])
+def orientation(panel: Panel, up: str = AUTO_AXIS, front: str = AUTO_AXIS) -> tuple[str, str]:
+    """Axes that point up and towards the viewer in the front view of a panel, where they are not given."""
+    if len(panel.faces):
+        used, corners = np.unique(panel.faces, return_inverse=True)
+        vertices, faces = panel.vertices[used], corners.reshape(-1, 3).astype(np.int32)
     else:
-        local = np.array(_VIEWS[view], dtype=np.float64)
-    return local @ np.array(_FRONT[up], dtype=np.float64)
+        vertices, faces = panel.vertices, panel.faces
+    return choose_orientation(vertices, faces, up, front, convention=panel.file_up)
 
 
 def view_of(panel: Panel, axes: FloatArray) -> View:
     """View of a panel's mesh and lines along given axes."""
-    shown = np.vstack([panel.vertices[panel.drawn()], *(line for line, _ in panel.lines)])
-    projected = shown @ axes.T
-    return View(axes, projected.min(axis=0), projected.max(axis=0))
+    projected = panel.vertices[panel.drawn()] @ axes.T
+    low, high = projected.min(axis=0), projected.max(axis=0)
+    if panel.lines:
+        points, radius = np.vstack([line for line, _ in panel.lines]) @ axes.T, panel.tube_radius()
+        low, high = np.minimum(low, points.min(axis=0) - radius), np.maximum(high, points.max(axis=0) + radius)
+    return View(axes, low, high)
 
 
 def draw(panel: Panel, views: Sequence[View], *, scale: float, background: str) -> list[Image]:
@@ -259,9 +231,7 @@ def add_panel(plotter: "pyvista.Plotter", panel: Panel, center: FloatArray, scal
 
     points = (panel.vertices - center) * scale
     if panel.lines:
-        radius = panel.line_radius
-        if radius is None:
-            radius = float(np.linalg.norm(np.ptp(panel.vertices, axis=0))) / _LINES_PER_DIAGONAL
+        radius = panel.tube_radius()
         for color in dict.fromkeys(color for _, color in panel.lines):
             lines = [(line - center) * scale for line, other in panel.lines if other == color]
             tubes = _polylines(lines).tube(radius=radius * scale, n_sides=_SIDES, capping=True)
@@ -348,14 +318,23 @@ def check_display() -> None:
     x11.XCloseDisplay(connection)
 
 
-def show_panels(panels: Sequence[Panel], *, columns: int | None = None, up: str = "auto") -> None:
+def show_panels(
+    panels: Sequence[Panel], *, columns: int | None = None, up: str = AUTO_AXIS, front: str = AUTO_AXIS
+) -> None:
     """Open a window with the panels side by side, which turn together, until it is closed."""
     require_libraries()
     check_display()
-    window(panels, columns=columns, up=up).show()
+    window(panels, columns=columns, up=up, front=front).show()
 
 
-def window(panels: Sequence[Panel], *, columns: int | None = None, up: str = "auto", off_screen: bool = False) -> Any:
+def window(
+    panels: Sequence[Panel],
+    *,
+    columns: int | None = None,
+    up: str = AUTO_AXIS,
+    front: str = AUTO_AXIS,
+    off_screen: bool = False,
+) -> Any:
     """Plotter of pyvista that `show_panels` shows; off the screen it can be photographed."""
     import pyvista
 
@@ -388,11 +367,13 @@ def window(panels: Sequence[Panel], *, columns: int | None = None, up: str = "au
             plotter.add_legend(list(panel.names), bcolor=None, face="rectangle")
         plotter.add_text(panel.title, font_size=10, color="black")
     plotter.link_views()
-    axes = view_axes("front", up_axis(panels[0]) if up == "auto" else up)
-    drawn = np.vstack([panel.vertices[panel.drawn()] for panel in panels])
-    plotter.camera.focal_point = 0.5 * (drawn.min(axis=0) + drawn.max(axis=0))
+    axes = view_axes("front", *orientation(panels[0], up, front))
+    identity = np.eye(3)
+    shown = [view_of(panel, identity) for panel in panels]
+    low, high = np.min([view.low for view in shown], axis=0), np.max([view.high for view in shown], axis=0)
+    plotter.camera.focal_point = 0.5 * (low + high)
     plotter.camera.position = plotter.camera.focal_point + axes[2]
     plotter.camera.up = axes[1]
-    plotter.reset_camera(bounds=np.stack([drawn.min(axis=0), drawn.max(axis=0)], axis=1).ravel())
+    plotter.reset_camera(bounds=np.stack([low, high], axis=1).ravel())
     plotter.camera.zoom(_ZOOM)
     return plotter

@@ -262,3 +262,19 @@ def test_two_hundred_files_some_of_them_broken(tmp_path):
     assert len(list((tmp_path / "out").glob("*.ply"))) == 190
     summary = json.loads(run_process("batch", "torsion", "scans/*.ply", "--out", "out", "--json", cwd=tmp_path).stdout)
     assert (summary["done"], summary["skipped"], summary["failed"]) == (0, 190, 10)
+
+
+def test_reports_of_a_batch_have_one_index(tmp_path):
+    for name in ("sphere", "torus"):
+        shutil.copy(SAMPLES / f"{name}.ply", tmp_path)
+    (tmp_path / "broken.ply").write_text("ply\n")
+    arguments = ["batch", "normals", str(tmp_path / "*.ply"), "--out", str(tmp_path / "out"), "--report", "--quiet"]
+    done = run(*arguments)
+    assert done.returncode == 1, done.stderr
+    index = (tmp_path / "out" / "index.html").read_text("utf-8")
+    assert re.findall('href="(.*?)"', index) == ["sphere.html", "torus.html"]
+    assert index.index("broken.ply") < index.index("sphere.ply")  # failures first
+    assert not re.search(r"https?://|<script", index)
+    stamps = [(tmp_path / "out" / f"{name}.html").stat().st_mtime_ns for name in ("sphere", "torus")]
+    run(*arguments)
+    assert [(tmp_path / "out" / f"{name}.html").stat().st_mtime_ns for name in ("sphere", "torus")] == stamps

@@ -31,7 +31,8 @@ from bezier_filters.pictures.field_panels import (
     read_mesh_file,
 )
 from bezier_filters.pictures.render import legend
-from bezier_filters.pictures.scene import draw, view_axes, view_of
+from bezier_filters.pictures.scene import draw, view_of
+from bezier_filters.pictures.views import view_axes
 from bezier_filters.status import FitStatus
 from bezier_filters.surfaces import block_with_sharp_edges, sphere
 
@@ -112,10 +113,10 @@ class TestFields:
         codes[:5], codes[5], codes[6] = FitStatus.FOLDED.grade, FitStatus.ISOLATED.grade, 0.0
         (panel,) = field_panels([replace(file, columns={"bz_fit_grade": codes})], "bz_fit_grade", **LOOK)
         assert [name for name, _ in panel.names] == [
-            "SKIPPED: 1",
-            "ISOLATED: 1",
-            "FOLDED: 5",
-            f"OK: {len(codes) - 7:,}",
+            "not selected, or added by another program: 1",
+            "no face with an area, here or at a neighbour, or points on a line: 1",
+            "quadratic fit of a folded neighbourhood: 5",
+            f"fitted as asked: {len(codes) - 7:,}",
         ]
         for k, (_, color) in zip((6, 5, 0, 7), panel.names, strict=True):
             np.testing.assert_array_equal(panel.colors[k], color)

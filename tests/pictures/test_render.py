@@ -1,6 +1,7 @@
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +16,9 @@ from matplotlib.image import imread
 from bezier_filters.display import PALETTES, color_range, round_limits
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
 from bezier_filters.pictures import scene
-from bezier_filters.pictures.render import find_clipping, render_panels, ticks
-from bezier_filters.pictures.scene import UP_AXES, VIEW_NAMES, Panel
+from bezier_filters.pictures.render import find_clipping, render_panels, symlog_ticks, ticks
+from bezier_filters.pictures.scene import Panel
+from bezier_filters.pictures.views import AXES, VIEW_NAMES, choose_orientation, view_axes
 
 NO_FACES = np.zeros((0, 3), np.int32)
 finite = st.floats(-1e100, 1e100)
@@ -51,7 +53,7 @@ def read(path: Path) -> np.ndarray:
 
 
 def draw(panel: Panel, view: str = "front", up: str = "y", scale: float = 50.0) -> np.ndarray:
-    seen = scene.view_of(panel, scene.view_axes(view, up))
+    seen = scene.view_of(panel, view_axes(view, up))
     return scene.draw(panel, [seen], scale=scale, background="#ffffff")[0] / 255.0
 
 
@@ -59,8 +61,8 @@ def test_views_have_room_for_lines_that_stick_out():
     line = np.array([[0.0, 0.0, 0.0], [3.0, -2.0, 5.0]])
     vertices = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
     panel = Panel(vertices, np.array([[0, 1, 2]], np.int32), vertices[:, 0], lines=[(line, (0.0, 0.0, 0.0))])
-    seen = scene.view_of(panel, scene.view_axes("front", "y"))
-    assert (seen.low.tolist(), seen.high.tolist()) == ([0.0, -2.0, 0.0], [3.0, 1.0, 5.0])
+    seen = scene.view_of(replace(panel, line_radius=0.5), view_axes("front", "y"))
+    assert (seen.low.tolist(), seen.high.tolist()) == ([-0.5, -2.5, -0.5], [3.5, 1.0, 5.5])
 
 
 # colour ranges
@@ -181,10 +183,10 @@ def test_every_colour_is_faithful_whichever_way_the_faces_turn(colormap: str, fl
     np.testing.assert_allclose(row, matplotlib.colormaps[colormap](places)[:, :3], rtol=0, atol=0.02)
 
 
-@pytest.mark.parametrize("up", UP_AXES)
+@pytest.mark.parametrize("up", AXES)
 @pytest.mark.parametrize("view", VIEW_NAMES)
 def test_view_axes_are_rotations(view: str, up: str) -> None:
-    axes = scene.view_axes(view, up)
+    axes = view_axes(view, up)
     np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-12)
     assert np.linalg.det(axes) == pytest.approx(1.0)
     upwards = {"x": 0, "y": 1, "z": 2}[up[-1]]
@@ -204,19 +206,64 @@ def test_a_view_shows_its_side_of_the_mesh(up: str, view: str, side: str) -> Non
     image = draw(box, view, up)
     expected = np.eye(3)["xyz".index(side[1])] * (1.0 if side[0] == "+" else 0.5)
     np.testing.assert_allclose(image[len(image) // 2, image.shape[1] // 2], expected, atol=0.02)
-    extent = 50 * np.abs(scene.view_axes(view, up) @ np.array([2.0, 3.0, 2.5]))
+    extent = 50 * np.abs(view_axes(view, up) @ np.array([2.0, 3.0, 2.5]))
     assert image.shape[:2] == (round(extent[1]) + 2 * scene.MARGIN_PIXELS, round(extent[0]) + 2 * scene.MARGIN_PIXELS)
 
 
-def test_the_up_axis_follows_the_shape() -> None:
-    def panel(*size: float) -> Panel:
-        vertices = np.array([[0, 0, 0], size], dtype=np.float64)
-        return Panel(vertices, NO_FACES, np.zeros(2))
+@pytest.mark.parametrize(
+    ("size", "convention", "expected"),
+    [
+        ((1.5, 1.5, 1.2), "auto", ("y", "z")),  # a bunny
+        ((0.5, 0.3, 1.8), "auto", ("z", "-y")),  # a standing figure
+        ((2.0, 0.3, 1.1), "auto", ("-z", "y")),  # an aeroplane with y up, seen from above
+        ((1.0, 1.0, 1.2), "z", ("z", "-y")),  # a part from CAD
+        ((0.5, 1.0, 1.8), "y", ("y", "x")),  # a cow, from its side
+        ((2.0, 2.0, 0.1), "z", ("y", "z")),  # a plate of a part from CAD
+    ],
+)
+def test_bodies_stand_upright(size: tuple[float, ...], convention: str, expected: tuple[str, str]) -> None:
+    assert choose_orientation(np.array([[0, 0, 0], size]), NO_FACES, convention=convention) == expected
 
-    assert scene.up_axis(panel(1.5, 1.5, 1.2)) == "y"  # a bunny
-    assert scene.up_axis(panel(1, 1, 0)) == "y"  # a height field over x, y
-    assert scene.up_axis(panel(0.5, 0.3, 1.8)) == "z"  # a standing figure
-    assert scene.up_axis(panel(2.0, 0.3, 1.1)) == "-z"  # an aeroplane with y up
+
+@pytest.mark.parametrize("front", AXES)
+def test_sheets_are_seen_from_the_side_that_their_normals_face(front: str) -> None:
+    vertices, faces = plane()
+    tilted = np.stack([vertices[:, 0], vertices[:, 1], 0.3 * vertices[:, 0] + 0.2 * vertices[:, 1]], axis=1)
+    right, above, towards = view_axes("front", *choose_orientation(NO_FACES.astype(float), NO_FACES, front=front))
+    turned = tilted @ np.array([right, above, towards])
+    assert choose_orientation(turned, faces)[1] == front
+    panel = Panel(turned, faces, colors=np.full((len(vertices), 3), 0.8), back=(1.0, 0.0, 0.0))
+    image = scene.draw(
+        panel, [scene.view_of(panel, view_axes("front", *scene.orientation(panel)))], scale=50.0, background="#ffffff"
+    )[0]
+    assert np.ptp(image, axis=2).max() < 10  # no red back
+    if front[-1] != "x":
+        assert right.tolist() == [1.0, 0.0, 0.0]
+
+
+def test_up_and_front_are_perpendicular() -> None:
+    with pytest.raises(InvalidParameterError, match="not perpendicular"):
+        choose_orientation(*plane(), "y", "-y")
+    assert choose_orientation(*plane(), "z", "x") == ("z", "x")
+    np.testing.assert_array_equal(view_axes("front", "z", "x"), [[0, 1, 0], [0, 0, 1], [1, 0, 0]])
+
+
+def test_lines_are_not_cut_at_the_edge_of_the_picture() -> None:
+    vertices, faces = plane()
+    line = np.array([[-1.0, 1.0, 0.0], [1.0, 1.0, 0.0]])
+    look = {"colors": np.ones((len(vertices), 3)), "lines": [(line, (0.0, 0.0, 1.0))], "line_radius": 0.1}
+    image = draw(Panel(vertices, faces, **look))
+    assert (np.ptp(image[: scene.MARGIN_PIXELS - 1], axis=2) < 0.02).all()
+    assert np.ptp(image[scene.MARGIN_PIXELS + 5], axis=1).max() > 0.5
+
+
+@given(st.floats(1e-6, 1e6), st.floats(0.001, 0.9), st.booleans())
+def test_ticks_of_symmetric_logarithms_are_round(high: float, linear: float, signed: bool) -> None:
+    panel = Panel(np.eye(3), NO_FACES, np.ones(3), limits=(-high if signed else 0.0, high), linear_below=linear * high)
+    found = symlog_ticks(lambda value: float(panel.norm()(value)), *panel.color_limits())
+    assert 0.0 in found
+    assert 2 <= len(found) <= 10
+    assert all(f"{abs(value):.0e}"[0] in "0125" and float(f"{value:.0e}") == pytest.approx(value) for value in found)
 
 
 def test_a_mesh_is_seen_from_the_same_side_whatever_stands_beside_it(tmp_path: Path) -> None:

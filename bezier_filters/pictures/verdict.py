@@ -1,0 +1,70 @@
+"""What a person decides by: noise, holes, and what stands in the way, in a sentence each with a command."""
+
+import shlex
+from collections import Counter
+from collections.abc import Sequence
+from typing import TypeAlias
+
+from bezier_filters.display import MIN_NOISE_EDGES, shell_remark
+from bezier_filters.holes.hole_filling import HoleFillingResult
+from bezier_filters.smoothing.smooth import SmoothingResult
+
+Sentence: TypeAlias = tuple[str, str]  # text, and the command that acts on it, which may be empty
+
+_CLEARLY_LESS = 0.8  # ratio of the noise after to that before up to which smoothing is seen to have lowered it
+_MAX_REASONS = 2  # why holes stay open
+
+
+def verdict(
+    source: str,
+    smoothed: SmoothingResult | None,
+    filled: HoleFillingResult | None,
+    findings: Sequence[str],
+    *,
+    can_be_repaired: bool,
+) -> list[Sentence]:
+    """Sentences on a file: its noise, its holes, and what stands in the way of both."""
+    name = shlex.quote(source)
+    if smoothed is None or filled is None:
+        sentences = [("A point cloud has no faces: its noise and its holes are not measured.", "")]
+    else:
+        sentences = [_noise(name, smoothed), _holes(name, filled)]
+    if not findings:
+        return [*sentences, ("Nothing stands in the way of estimates, smoothing and hole filling.", "")]
+    more = f" {len(findings) - 1} more below." if len(findings) > 1 else ""
+    command = f"bezier-filters smooth {name} repaired.ply --repair" if can_be_repaired else ""
+    return [*sentences, (f"In the way: {findings[0].rstrip('.')}.{more}", command)]
+
+
+def _noise(name: str, result: SmoothingResult) -> Sentence:
+    before, after, edge = result.noise_before, result.noise_after, result.mean_edge
+    if before is None:
+        return f"The noise is unknown: {result.noise_reason}.", ""
+    if before <= MIN_NOISE_EDGES * edge:
+        return f"There is no noise: less than {MIN_NOISE_EDGES:g} edges cannot be told from the shape.", ""
+    if not result.displacement.any():
+        return f"Noise of {_length(before, edge)} stays: smoothing would take more shape than noise.", ""
+    left = "an unknown rest" if after is None else _length(after, edge)
+    moved = f"Noise of {_length(before, edge)}; after smoothing {left} is measured"
+    if after is not None and after > _CLEARLY_LESS * before:
+        moved += f", hardly less, although vertices move by {result.rms_displacement / edge:.2g} edges"
+    return f"{moved}.", f"bezier-filters smooth {name} smooth.ply"
+
+
+def _length(length: float, edge: float) -> str:
+    return f"{length / edge:.2g} edges ({length:.3g} in the unit of the file)"
+
+
+def _holes(name: str, result: HoleFillingResult) -> Sentence:
+    if not result.holes:
+        return "There are no holes: the surface is closed.", ""
+    left, count = len(result.holes) - result.filled, len(result.holes)
+    holes = "1 hole" if count == 1 else f"{count:,} holes"
+    text = f"{result.filled:,} of {holes} can be filled"
+    if left:
+        unfilled = [hole.reason.partition(";")[0] for hole in result.holes if not hole.filled]
+        reasons = Counter(reason or "no reason known" for reason in unfilled)
+        shown = "; ".join(f"{shell_remark(reason)} ({n:,})" for reason, n in reasons.most_common(_MAX_REASONS))
+        text += f", {left:,} {'stays' if left == 1 else 'stay'} open: {shown}"
+        text += "; and others" * (len(reasons) > _MAX_REASONS)
+    return f"{text}.", f"bezier-filters fill-holes {name} filled.ply" if result.filled else ""
