@@ -10,9 +10,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
+import typer.core
 
 from bezier_filters._version import __version__
 from bezier_filters.cli import console
+from bezier_filters.cli.outcomes import shell_remark
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.parameters import LENGTH_TYPE, PARAMETERS, Parameter
 from bezier_filters.runtime.atomic import temporary_folder
@@ -38,8 +40,37 @@ def examples(*commands: str) -> str:
     return "\n\n".join(f"Example: bezier-filters {command}" for command in commands)
 
 
+# commands by their purpose, in the order of the help
+GROUPS = {
+    "First steps": ("clean", "smooth", "fill-holes", "curvature", "info", "report"),
+    "Measuring": ("normals", "torsion", "creases", "lines", "compare", "measure"),
+    "Remodelling": ("replace", "bridge", "subdivide", "remesh"),
+    "Pictures and textures": ("render", "view", "qmap", "bake", "demo"),
+    "Many and large files": ("batch", "run", "watch", "scale", "compile"),
+}
+
+
+class GroupedCommands(typer.core.TyperGroup):
+    """Commands whose help has a section for each purpose."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Names of the commands in the order of the help."""
+        return [name for names in GROUPS.values() for name in names]
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write the first sentences of the commands, all of which begin in the same column."""
+        width = max(map(len, self.commands))
+        limit = formatter.width - width - 4
+        for title, names in GROUPS.items():
+            with formatter.section(title):
+                for name in names:
+                    summary = self.commands[name].get_short_help_str(limit)
+                    formatter.write(f"{'':{formatter.current_indent}}{name:<{width}}  {summary}\n")
+
+
 app = typer.Typer(
     name="bezier-filters",
+    cls=GroupedCommands,
     help="Curvature, normals, torsion, smoothing and hole filling by third-order Bezier patches, for MeshLab.",
     epilog=EPILOG,
     no_args_is_help=True,
@@ -173,6 +204,7 @@ def _silence(quiet: bool) -> bool:
 
 
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.", callback=_silence)]
+Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="List all holes, and what was tried before.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the report as JSON.")]
 SaveScript = Annotated[
     Path | None,
@@ -218,9 +250,9 @@ def shell_message(message: str) -> str:
 def end_with_remarks(target: str, report: "Report") -> None:
     """Print the remarks and warnings of a report; with warnings, exit with the status for incomplete results."""
     for remark in report.get("remarks", []):
-        console.err().print(f"note: {console.shell_remark(shell_message(remark))}", markup=False)
+        console.err().print(f"note: {shell_remark(shell_message(remark))}", markup=False)
     if warnings := report.get("warnings"):
-        text = console.shell_remark("; ".join(warnings))
+        text = shell_remark("; ".join(warnings))
         console.err().print(f"look at {target}: {text}", markup=False)
         raise typer.Exit(EXIT_INCOMPLETE)
 

@@ -31,6 +31,7 @@ __all__ = ["Item", "batch", "command_line", "filters", "plan", "run_command"]
 
 # file in the folder of the results: a line of JSON per result, with path, checksum of the input, command and options
 RECORDS = ".bezier-filters-batch"
+CLEAN = "clean"  # the command of two filters
 
 
 @dataclass(frozen=True)
@@ -50,8 +51,8 @@ def batch(
     command: Annotated[
         str,
         typer.Argument(
-            help="normals, curvature, torsion, smooth, fill-holes, replace, bridge, subdivide, remesh, creases, lines, "
-            "compare (whose reference comes first in the options).",
+            help="clean, normals, curvature, torsion, smooth, fill-holes, replace, bridge, subdivide, remesh, creases, "
+            "lines, compare (whose reference comes first in the options).",
             metavar="COMMAND",
         ),
     ],
@@ -184,8 +185,8 @@ def check_command(command: str, options: list[str]) -> None:
     """Refuse a command that does not run a filter, or options that it does not have."""
     if command == MEASURES:
         raise InvalidParameterError("command: got 'measure', which writes no files; run it with --json for each file")
-    if command not in PARAMETERS:
-        others = ", ".join(name for name in PARAMETERS if name != MEASURES)
+    if command not in (names := (CLEAN, *PARAMETERS)):
+        others = ", ".join(name for name in names if name != MEASURES)
         raise InvalidParameterError(f"command: got {command!r}, expected one of {others}")
     group: Any = typer.main.get_command(app)
     line = command_line(command, options, "input", "output")
@@ -193,9 +194,9 @@ def check_command(command: str, options: list[str]) -> None:
     for name in ("quiet", "json"):
         if parsed.params[name]:
             raise InvalidParameterError(f"options: got --{name}, which is an option of the batch itself")
-    for name in ("picture", "save_script"):
+    for name, option in (("picture", "picture"), ("save_script", "save-script"), ("page", "report")):
         if parsed.params.get(name):
-            raise InvalidParameterError(f"options: got --{name.replace('_', '-')}, which names one file for all")
+            raise InvalidParameterError(f"options: got --{option}, which names one file for all")
 
 
 def find_files(sources: Sequence[str]) -> dict[Path, str]:
