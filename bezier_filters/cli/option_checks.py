@@ -1,4 +1,4 @@
-"""Checks of options before a mesh is read: those that need no mesh."""
+"""Checks of options that need no mesh, before one is read."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
