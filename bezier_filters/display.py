@@ -208,7 +208,8 @@ def shell_remark(text: str) -> str:
     >>> shell_remark("the outer rim of an open sheet; outer_rims=True fills it, too")
     'the outer rim of an open sheet; --outer-rims fills it, too'
     """
-    return re.sub(r"(\w+)=True( of the filter)?", lambda found: f"--{found[1].replace('_', '-')}", text)
+    text = re.sub(r"(\w+)=True( of the filter)?", lambda found: f"--{found[1].replace('_', '-')}", text)
+    return re.sub(r"\bmax_(edges|perimeter|diameter)\b=?", lambda found: f"--max-{found[1]} ", text).rstrip()
 
 
 def _format_length(length: float, edge: float | None) -> str:

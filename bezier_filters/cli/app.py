@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
+import typer.core
 
 from bezier_filters._version import __version__
 from bezier_filters.cli import console
@@ -39,8 +40,37 @@ def examples(*commands: str) -> str:
     return "\n\n".join(f"Example: bezier-filters {command}" for command in commands)
 
 
+# commands by their purpose, in the order of the help
+GROUPS = {
+    "First steps": ("clean", "smooth", "fill-holes", "curvature", "info", "report"),
+    "Measuring": ("normals", "torsion", "creases", "lines", "compare", "measure"),
+    "Remodelling": ("replace", "bridge", "subdivide", "remesh"),
+    "Pictures and textures": ("render", "view", "qmap", "bake", "demo"),
+    "Many and large files": ("batch", "run", "watch", "scale", "compile"),
+}
+
+
+class GroupedCommands(typer.core.TyperGroup):
+    """Commands whose help has a section for each purpose."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Names of the commands in the order of the help."""
+        return [name for names in GROUPS.values() for name in names]
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write the first sentences of the commands, all of which begin in the same column."""
+        width = max(map(len, self.commands))
+        limit = formatter.width - width - 4
+        for title, names in GROUPS.items():
+            with formatter.section(title):
+                for name in names:
+                    summary = self.commands[name].get_short_help_str(limit)
+                    formatter.write(f"{'':{formatter.current_indent}}{name:<{width}}  {summary}\n")
+
+
 app = typer.Typer(
     name="bezier-filters",
+    cls=GroupedCommands,
     help="Curvature, normals, torsion, smoothing and hole filling by third-order Bezier patches, for MeshLab.",
     epilog=EPILOG,
     no_args_is_help=True,
@@ -177,6 +207,7 @@ def _silence(quiet: bool) -> bool:
 
 
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.", callback=_silence)]
+Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="List all holes, and what was tried before.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the report as JSON.")]
 SaveScript = Annotated[
     Path | None,

@@ -36,6 +36,7 @@ __all__ = ["Item", "batch", "command_line", "filters", "inspection", "plan", "ru
 # file in the folder of the results: a line of JSON per result, with path, checksum of the input, command and options
 RECORDS = ".bezier-filters-batch"
 INDEX = "index.html"  # page with all files, in the folder of the results
+CLEAN = "clean"  # the command of two filters
 
 
 @dataclass(frozen=True)
@@ -55,8 +56,8 @@ def batch(
     command: Annotated[
         str,
         typer.Argument(
-            help="normals, curvature, torsion, smooth, fill-holes, replace, bridge, subdivide, remesh, creases, lines, "
-            "bake, compare (whose reference comes first in the options).",
+            help="clean, normals, curvature, torsion, smooth, fill-holes, replace, bridge, subdivide, remesh, creases, "
+            "lines, bake, compare (whose reference comes first in the options).",
             metavar="COMMAND",
         ),
     ],
@@ -227,8 +228,8 @@ def check_command(command: str, options: list[str]) -> str | None:
     """Refuse a command that does not run a filter, or options that it does not have; return the reference."""
     if command == MEASURES:
         raise InvalidParameterError("command: got 'measure', which writes no files; run it with --json for each file")
-    if command not in PARAMETERS:
-        others = ", ".join(name for name in PARAMETERS if name != MEASURES)
+    if command not in (names := (CLEAN, *PARAMETERS)):
+        others = ", ".join(name for name in names if name != MEASURES)
         raise InvalidParameterError(f"command: got {command!r}, expected one of {others}")
     group: Any = typer.main.get_command(app)
     line = command_line(command, options, "input", "output")
@@ -236,9 +237,9 @@ def check_command(command: str, options: list[str]) -> str | None:
     for name in ("quiet", "json"):
         if parsed.params[name]:
             raise InvalidParameterError(f"options: got --{name}, which is an option of the batch itself")
-    for name in ("picture", "save_script"):
+    for name, option in (("picture", "picture"), ("save_script", "save-script"), ("page", "report")):
         if parsed.params.get(name):
-            raise InvalidParameterError(f"options: got --{name.replace('_', '-')}, which names one file for all")
+            raise InvalidParameterError(f"options: got --{option}, which names one file for all")
     if command != DEVIATION:
         return None
     reference: Path = parsed.params["reference"]

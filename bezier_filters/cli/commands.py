@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from bezier_filters._version import __version__
-from bezier_filters.cli import batch, console, filters, inspection, pictures, scale, textures
+from bezier_filters.cli import batch, cleaning, console, filters, inspection, pictures, scale, textures
 from bezier_filters.cli.app import (
     Front,
     Json,
@@ -30,11 +29,11 @@ from bezier_filters.cli.app import (
     read_pipe,
     shell_message,
 )
+from bezier_filters.cli.pages import check_page, inspect_file, write_page
 from bezier_filters.cli.reading import file_remarks
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.runtime.file_names import (
     escape_unprintable,
-    printable_name,
     printable_path,
     replace_pipe_paths,
     user_path,
@@ -44,10 +43,8 @@ from bezier_filters.runtime.supervision import EXIT_INCOMPLETE
 
 if TYPE_CHECKING:
     from bezier_filters.arrays import Report
-    from bezier_filters.meshes.prepared_mesh import PreparedMesh
-    from bezier_filters.meshlab.meshset import CurrentMesh
 
-__all__ = ["app", "batch", "filters", "inspection", "pictures", "scale", "serve_command_line", "textures"]
+__all__ = ["app", "batch", "cleaning", "filters", "inspection", "pictures", "scale", "serve_command_line", "textures"]
 
 POLL_SECONDS = 0.25  # interval between checks; a file that is unchanged after one is complete
 
@@ -66,9 +63,10 @@ def watch(
     ] = "curvature",
     overwrite: Overwrite = False,
 ) -> None:
-    """Run a command whenever MeshLab, or another program, saves the mesh; reload the result there to see it.
+    """Run a command whenever another program saves the mesh.
 
-    It also runs at the start. Errors are printed, and the command waits for the next save. Ctrl-C ends it.
+    Reload the result in MeshLab to see it. The command also runs at the start. Errors are printed, and the command
+    waits for the next save. Ctrl-C ends it.
     """
     command, *arguments = shlex.split(run) or [""]
     batch.check_command(command, arguments)
@@ -127,9 +125,9 @@ def _stamp(path: Path) -> Stamp | None:
 
 @app.command(epilog="Example: bezier-filters info scan.ply")
 def info(source: Source, skip: Skip = False, json: Json = False) -> None:
-    """Show the contents of a mesh or point cloud, its noise, and whether it is fit for fitting."""
+    """Show what a mesh contains, its noise, and what is wrong with it."""
     with console.stages(quiet=json) as stage:
-        _, summary = _inspect(source, stage, skip=skip)
+        _, summary = inspect_file(source, stage, skip=skip)
     if json:
         console.print_json({"file": user_path(source), **summary})
     else:
@@ -155,34 +153,21 @@ def report(
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Write a page with a verdict on the mesh, the mesh in 3D and its measurements: one file, no network.
+    """Write a page with a verdict on a mesh, and its measurements.
 
-    It begins with the noise, the holes and what stands in the way, each with the command that acts on it, and the mesh
-    before and after smoothing and filling. Then come curvature, torsion, standard errors and status, whose values stand
-    under the pointer, sharp edges, profiles, and the output of info. Pictures and tables can be saved and printed.
+    It is one file for a browser, and needs no network. It begins with the noise, the holes and what stands in the way,
+    each with the command that acts on it, and the mesh before and after smoothing and filling. Then come curvature,
+    torsion, standard errors and status, whose values stand under the pointer, sharp edges, profiles, and the output of
+    info. Pictures and tables can be saved and printed.
     """
-    from bezier_filters.pictures.page import report_page
-    from bezier_filters.pictures.views import Orientation, check_axes, file_up
+    from bezier_filters.pictures.views import check_axes
 
     page = Path(source.name).with_suffix(".html") if page is None else page
-    if page.suffix.lower() not in (".html", ".htm"):
-        raise typer.BadParameter(f"PAGE: got {str(page)!r}, expected a file name that ends in .html")
+    check_page(page)
     check_target(page, source, overwrite=overwrite)
     check_axes(up, front)
     with console.stages(quiet=quiet or json) as stage:
-        mesh, summary = _inspect(source, stage, skip=skip)
-        made = report_page(
-            printable_name(source),
-            mesh,
-            console.summary_rows(summary),
-            summary["findings"],
-            source=printable_path(source),
-            about=file_facts(source),
-            can_be_repaired=summary["can_be_repaired"],
-            oriented=Orientation(up, front, file_up(source)),
-            stage=stage,
-        )
-        made.save(page)
+        made = write_page(source, page, stage, up=up, front=front, skip=skip)
     if json:
         shown = {"notes": made.notes, "fields": made.fields, "meshes": made.meshes}
         console.print_json({"input": user_path(source), "output": user_path(page), **shown})
@@ -190,61 +175,6 @@ def report(
         for note in made.notes:
             console.out().print(note)
         console.out().print(f"wrote [bold]{console.escape(printable_path(page))}[/]; open it in a browser")
-
-
-def file_facts(source: Path) -> list[str]:
-    """Date, version, and size of a file."""
-    size, unit = float(source.stat().st_size), "bytes"
-    for larger in ("kB", "MB", "GB"):
-        if size >= 1000.0:
-            size, unit = size / 1000.0, larger
-    return [time.strftime("%Y-%m-%d"), f"bezier-filters {__version__}", f"{size:.3g} {unit}"]
-
-
-def _inspect(source: Path, stage: console.Stage, *, skip: bool) -> tuple["CurrentMesh", "Report"]:
-    """A mesh, and the report of `info`."""
-    from bezier_filters.meshes.diagnosis import can_be_repaired, diagnose, inspect_mesh, is_fit
-    from bezier_filters.meshes.mesh import triangle_mesh
-    from bezier_filters.meshes.prepared_mesh import prepare_mesh
-    from bezier_filters.meshlab.mesh_files import contents_of, load_mesh
-    from bezier_filters.meshlab.meshset import read_current_mesh
-    from bezier_filters.meshlab.topology import topology_of
-    from bezier_filters.noise.rounded_coordinates import describe_rounding
-
-    stage(f"reading {printable_name(source)}")
-    ms = load_mesh(source, skip=skip)
-    stage(f"inspecting {printable_name(source)}")
-    loaded = read_current_mesh(ms)
-    mesh = triangle_mesh(loaded.vertices, loaded.faces)
-    topology = topology_of(mesh.vertices, mesh.faces).counts
-    faults, prepared = inspect_mesh(mesh), prepare_mesh(mesh)
-    stage("learning the noise")
-    return loaded, {
-        "vertices": mesh.vertex_count,
-        "faces": mesh.face_count,
-        **topology,
-        **asdict(faults),
-        "bounding_box": [mesh.vertices.min(axis=0).tolist(), mesh.vertices.max(axis=0).tolist()],
-        "noise": _noise_of(prepared) if mesh.face_count else None,
-        "fit_for_fitting": is_fit(mesh, faults),
-        "findings": [*diagnose(mesh, faults), *filter(None, [describe_rounding(prepared)])],
-        "can_be_repaired": can_be_repaired(faults),
-        "contents": contents_of(ms),
-    }
-
-
-def _noise_of(mesh: "PreparedMesh") -> "Report":
-    """Noise of a mesh, learned as for fitting and smoothing, as arguments of `noise_in_words`."""
-    from bezier_filters.fitting.first_call import first_call
-    from bezier_filters.fitting.noise_level import explain_unknown_noise, learn_mesh_noise
-    from bezier_filters.runtime.parallel import use_threads
-
-    with use_threads(), first_call():
-        found = learn_mesh_noise(mesh)
-        if found is None:
-            reason = explain_unknown_noise(mesh)
-            return {"sigma": None, "length": None, "heavy": False, "reason": reason}
-    return {"sigma": found.sigma, "length": found.length, "heavy": found.heavy, "reason": ""}
 
 
 @app.command(epilog="Example: bezier-filters demo my_scan.ply --out pictures")
@@ -264,7 +194,10 @@ def demo(
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Write normals, mean and Gaussian curvature and torsion of a mesh as coloured PLYs and one picture."""
+    """Write normals, curvature and torsion of a mesh in colour.
+
+    There are four PLY files, with normals, mean and Gaussian curvature and torsion, and one picture of them.
+    """
     from bezier_filters.pictures.demo import paths, run_demo
 
     *_, picture = written = paths(out, source)
@@ -294,10 +227,11 @@ def compile_all(
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Compile all kernels, so that no other command has to: for containers, and for programs that must not wait.
+    """Compile all kernels, so that no other command has to.
 
-    Code that is there already, for example in the package itself, is not compiled again. NUMBA_CACHE_DIR is the folder
-    for the code; by default it is in the package, or in the user's cache folder.
+    This is for containers, and for programs that must not wait. Code that is there already, for example in the package
+    itself, is not compiled again. NUMBA_CACHE_DIR is the folder for the code; by default it is in the package, or in
+    the user's cache folder.
     """
     from bezier_filters.compilation import compile_kernels
 

@@ -11,8 +11,8 @@ from contextlib import contextmanager
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
+from bezier_filters.cli.outcomes import describe_outcome, main_reason
 from bezier_filters.display import noise_in_words, noise_level, shell_remark
-from bezier_filters.fields import CURVATURE, qualities
 from bezier_filters.inspection.deviation_status import DeviationStatus
 from bezier_filters.runtime.file_names import printable_path
 from bezier_filters.status import FitStatus
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from bezier_filters.arrays import Report
     from bezier_filters.runtime.parallel import Progress as ProgressCallback
 
-MAX_LISTED_HOLES = 20  # rows of the table of holes
+MAX_LISTED_HOLES = 10  # rows of the table of holes, unless all are asked for
 MAX_LISTED_REGIONS = 10  # regions that deviate
 FILLS = {
     "surface": "on the surface that continues the one around the hole",
@@ -74,14 +74,17 @@ Stage = Callable[[str], "ProgressCallback | None"]  # begins one, see `stages`
 def stages(*, quiet: bool) -> Iterator[Stage]:
     """Show progress on stderr while the block runs.
 
-    The function that it yields begins a stage, given its name, and returns the callback of the bar, or None if stderr
-    is not a terminal.
+    The function that it yields begins a stage, given its name, and returns the callback of the bar; where stderr is no
+    terminal, the callback prints a line now and then.
     """
-    if quiet or not err().is_terminal:
+    if quiet:
         yield lambda name: None
         return
-    from bezier_filters.cli.progress import progress_bar
+    from bezier_filters.cli.progress import progress_bar, progress_lines
 
+    if not err().is_terminal:
+        yield progress_lines(lambda text: err().print(text, markup=False))
+        return
     with progress_bar(err()) as begin:
         yield begin
 
@@ -91,7 +94,7 @@ def print_json(data: Report) -> None:
     print(json.dumps(data, indent=2, ensure_ascii=False), file=out().file)
 
 
-def print_status(report: Report, source: str) -> None:
+def print_status(report: Report, source: str, *, verbose: bool = False) -> None:
     """Print the outcome of the fits of a mesh."""
     out().print(f"[bold]{escape(source)}[/]: {sum(report['status'].values()):,} vertices")
     _print_repaired(report)
@@ -104,7 +107,8 @@ def print_status(report: Report, source: str) -> None:
     where = f"on {fit['rings']} rings" if fit["radius"] is None else f"within a radius of {fit['radius']:.4g} (length)"
     out().print(f"  fitted {where}, degree {fit['degree']}, {weight}{noise}")
     for name, count in report["status"].items():
-        out().print(f"  {count:>9,}  {FitStatus[name].message} ({name})")
+        message, _, cause = FitStatus[name].message.partition(": ")
+        out().print(f"  {count:>9,}  {message}" + (f": {cause} ({name})" if verbose and cause else f" ({name})"))
 
 
 def print_tiles(report: Report) -> None:
@@ -130,30 +134,27 @@ def print_noise(report: Report) -> None:
     out().print(f"  {before}; {after} after; {report['faces']['new']:,} new wrong faces")
 
 
-def _noise_change(report: Report) -> str:
-    """The noise before and after smoothing."""
-    edge = report["mean_edge"]
-    known = report["noise_before"], report["noise_length"], report["noise_heavy"]
-    before = noise_in_words(*known, edge, reason=report["noise_reason"])
-    return f"{before}; {noise_level(report['noise_after'], edge)} after"
-
-
-def print_smoothing(report: Report, source: str) -> None:
+def print_smoothing(report: Report, source: str, *, verbose: bool = False) -> None:
     """Print the effect of smoothing on a mesh."""
 
     def edges(length: float | None) -> str:
         return f"{length / report['mean_edge']:.3g}" if length is not None and report["mean_edge"] else "unknown"
 
     table = _table(show_header=False, padding=(0, 2, 0, 2))
-    table.add_row("noise", _noise_change(report).removeprefix("noise "))
+    known = report["noise_before"], report["noise_length"], report["noise_heavy"]
+    noise = noise_in_words(*known, report["mean_edge"], reason=report["noise_reason"])
+    table.add_row("noise", noise.removeprefix("noise "))
     moved = ", ".join(f"{name} {edges(value)}" for name, value in report["displacement"].items())
-    table.add_row("displacement", f"{moved} \\[mean edges]; {report['moved']:,} vertices moved")
+    table.add_row("displacement", f"{moved} \\[mean edges]")
+    table.add_row("moved", f"{report['moved']:,} vertices")
     if not report["moved"]:
         clean = "nothing moved: the mesh is clean, smoothing would take more shape than noise"
         table.add_row("", clean if report["noise_before"] is not None else "nothing moved: the noise is not known")
     if report["volume_ratio"] is not None:
         table.add_row("volume", f"{report['volume_ratio']:.6f} times as before")
     for kind in ("flipped", "degenerate"):
+        if not (verbose or report[f"{kind}_before"] or report[f"{kind}_after"]):
+            continue
         table.add_row(f"{kind} faces", f"{report[f'{kind}_before']:,} before, {report[f'{kind}_after']:,} after")
     out().print(f"[bold]{escape(source)}[/]")
     _print_repaired(report)
@@ -167,35 +168,38 @@ def _print_repaired(report: Report) -> None:
         out().print("  repaired: " + ", ".join(f"{count:,} {name}" for name, count in changes.items()))
 
 
-def print_holes(report: Report, source: str) -> None:
-    """Print how the holes of a mesh were filled."""
+def _print_reason(hole: Report, *, is_filled: bool, verbose: bool) -> None:
+    """Print below a row of a table why a hole is open, or what was tried before."""
     from rich.padding import Padding
 
+    if hole["reason"] and (verbose or not is_filled):
+        remark = "tried before: " * is_filled + (shell_remark(hole["reason"]) if verbose else main_reason(hole))
+        out().print(Padding(escape(remark), (0, 2, 0, 11), expand=False), soft_wrap=False)
+
+
+def print_holes(report: Report, source: str, *, verbose: bool = False) -> None:
+    """Print how the holes of a mesh were filled, the largest first."""
     out().print(f"[bold]{escape(source)}[/]")
     _print_repaired(report)
     if not report["holes"]:
         out().print("  no holes")
         return
     out().print("    edges  diameter [length]  fill         new faces  rim angle [degrees]", markup=False)
-    for hole in sorted(report["holes"], key=lambda hole: -hole["edge_count"])[:MAX_LISTED_HOLES]:
+    listed = len(report["holes"]) if verbose else MAX_LISTED_HOLES
+    for hole in sorted(report["holes"], key=lambda hole: -hole["edge_count"])[:listed]:
         angle = f"{hole['rim_dihedral']:.1f}" if hole["filled"] else ""
         method = hole["method"] or "left open"
         size = f"{hole['edge_count']:>9,}  {hole['diameter']:>17.3g}"
         out().print(f"{size}  {method:<11}  {hole['new_faces']:>9,}  {angle:>19}".rstrip())
-        if hole["reason"]:
-            remark = "tried before: " * hole["filled"] + shell_remark(hole["reason"])
-            out().print(Padding(escape(remark), (0, 2, 0, 11), expand=False), soft_wrap=False)
-    if len(report["holes"]) > MAX_LISTED_HOLES:
-        out().print(f"  and {len(report['holes']) - MAX_LISTED_HOLES:,} smaller ones")
+        _print_reason(hole, is_filled=hole["filled"], verbose=verbose)
+    if len(report["holes"]) > listed:
+        out().print(f"  and {len(report['holes']) - listed:,} smaller ones; --verbose lists all")
     used = {hole["method"] for hole in report["holes"] if hole["filled"]}
     for method, meaning in FILLS.items():
         if method in used:
             out().print(f"  {method + ':':<12} {meaning}")
     if used:
         out().print("  rim angle:   between old and new faces, the mean; small is smooth")
-    out().print(
-        f"  {report['closed_holes']:,} filled with {report['new_faces']:,} faces, {report['open_holes']:,} left open"
-    )
     if report["trimmed_faces"]:
         out().print(f"  {report['trimmed_faces']:,} old faces at rims removed, which intersected others")
     others = sum(hole["filled"] and hole["reason"].startswith("paper: ") for hole in report["holes"])
@@ -203,36 +207,34 @@ def print_holes(report: Report, source: str) -> None:
         out().print(f"  {others:,} of them by another method than the paper's, which does not work there")
 
 
-def print_replacements(report: Report, source: str) -> None:
-    """Print what was removed of the parts of a selection."""
-    from rich.padding import Padding
-
+def print_replacements(report: Report, source: str, *, verbose: bool = False) -> None:
+    """Print what was removed of the parts of a selection, the largest first."""
     out().print(f"[bold]{escape(source)}[/]")
     out().print("    faces  volume removed  height removed  fill         new faces", markup=False)
-    for patch in sorted(report["patches"], key=lambda patch: -patch["old_faces"])[:MAX_LISTED_HOLES]:
+    listed = len(report["patches"]) if verbose else MAX_LISTED_HOLES
+    for patch in sorted(report["patches"], key=lambda patch: -patch["old_faces"])[:listed]:
         hole = patch["hole"]
         measures = f"{patch['removed_volume']:>14.4g}  {patch['removed_height']:>14.4g}" if patch["replaced"] else ""
         fill = f"{hole['method'] or 'left as is':<11}  {hole['new_faces']:>9,}"
         out().print(f"{patch['old_faces']:>9,}  {measures:<30}  {fill}", markup=False)
-        if hole["reason"]:
-            remark = "tried before: " * patch["replaced"] + shell_remark(hole["reason"])
-            out().print(Padding(escape(remark), (0, 2, 0, 11), expand=False), soft_wrap=False)
-    if len(report["patches"]) > MAX_LISTED_HOLES:
-        out().print(f"  and {len(report['patches']) - MAX_LISTED_HOLES:,} smaller ones")
+        _print_reason(hole, is_filled=patch["replaced"], verbose=verbose)
+    if len(report["patches"]) > listed:
+        out().print(f"  and {len(report['patches']) - listed:,} smaller ones; --verbose lists all")
     out().print(
         f"  {report['replaced_patches']:,} replaced, {report['removed_faces']:,} faces by {report['new_faces']:,}; "
         f"{report['kept_patches']:,} left as they were; volume removed {report['removed_volume']:.4g}"
     )
 
 
-def print_bridges(report: Report, source: str) -> None:
+def print_bridges(report: Report, source: str, *, verbose: bool = False) -> None:
     """Print which holes there were, and how pairs of them were joined."""
     from rich.padding import Padding
 
     bands = {number: band for band in report["bands"] for number in band["pair"]}
     out().print(f"[bold]{escape(source)}[/]")
     out().print("    hole      edges  diameter [length]  joined to  by           center", markup=False)
-    for number, hole in enumerate(report["holes"][:MAX_LISTED_HOLES]):
+    listed = len(report["holes"]) if verbose else MAX_LISTED_HOLES
+    for number, hole in enumerate(report["holes"][:listed]):
         band, joined = bands.get(number), ""
         if band is not None:
             (other,) = (k for k in band["pair"] if k != number)
@@ -241,8 +243,8 @@ def print_bridges(report: Report, source: str) -> None:
         out().print(
             f"{number:>8,}  {hole['edge_count']:>9,}  {hole['diameter']:>17.3g}  {joined:<22}  {center}", markup=False
         )
-    if len(report["holes"]) > MAX_LISTED_HOLES:
-        out().print(f"  and {len(report['holes']) - MAX_LISTED_HOLES:,} more")
+    if len(report["holes"]) > listed:
+        out().print(f"  and {len(report['holes']) - listed:,} more; --verbose lists all")
     for band in report["bands"]:
         if band["reason"]:
             remark = f"{band['pair'][0]} and {band['pair'][1]}: {shell_remark(band['reason'])}"
@@ -253,7 +255,7 @@ def print_bridges(report: Report, source: str) -> None:
     )
 
 
-def print_remeshing(report: Report, source: str) -> None:
+def print_remeshing(report: Report, source: str, *, verbose: bool = False) -> None:
     """Print how many vertices and faces there were and are."""
     out().print(f"[bold]{escape(source)}[/]")
     for name in ("vertices", "faces"):
@@ -365,6 +367,12 @@ def print_written(report: Report, target: str) -> None:
     out().print(f"wrote [bold]{escape(target)}[/] ({sum(report['seconds'].values()):.2f} s)")
 
 
+def print_outcome(report: Report) -> None:
+    """Print what matters of a report, as the last line."""
+    if text := describe_outcome(report):
+        out().print(text, markup=False)
+
+
 def print_batch(summary: Report) -> None:
     """Print the results of a batch."""
     width = max(len(printable_path(file["input"])) for file in summary["files"])
@@ -386,36 +394,10 @@ def batch_remark(file: Report) -> str:
 
 def _remark(report: Report) -> str:
     """The most important numbers of a filter's report."""
-    numbers = _numbers(report)
+    numbers = describe_outcome(report)
     if not report.get("warnings"):
         return numbers
     return shell_remark("; look at: ".join(filter(None, [numbers, *report["warnings"]])))
-
-
-def _numbers(report: Report) -> str:
-    if "sharp_edges" in report:
-        return f"{len(report['lines']):,} lines, {report['sharp_edges']:,} sharp edges"
-    if "index_sum" in report:
-        return f"{report['lines']:,} lines, {len(report['umbilics']):,} umbilics"
-    if "closed_holes" in report:
-        return f"{report['closed_holes']:,} holes filled, {report['open_holes']:,} left open"
-    if "old_faces" in report:
-        return f"{report['old_faces']:,} faces before, {report['faces']:,} after"
-    if "bridged_pairs" in report:
-        return f"{report['bridged_pairs']:,} pairs of holes joined, {report['open_pairs']:,} left open"
-    if "replaced_patches" in report:
-        return f"{report['replaced_patches']:,} patches replaced, {report['kept_patches']:,} left as they were"
-    if "compared" in report:
-        return f"deviation: rms {report['rms']:.4g}, {len(report['regions']):,} regions" if report["compared"] else ""
-    if "texmap" in report:
-        return f"{report['texmap']} map, {report['covered']:.0%} of {report['size']:,} x {report['size']:,} texels"
-    if "noise_before" in report:
-        return _noise_change(report)
-    if report.get("statistics"):
-        unit = f" [{report['unit']}]" if report["unit"] else ""
-        known = qualities(CURVATURE).get(report["quality"])
-        return f"{known.label if known else report['quality']}: median {report['statistics']['median']:.4g}{unit}"
-    return ""
 
 
 def summary_rows(summary: Report) -> list[tuple[str, str]]:

@@ -4,7 +4,7 @@ import inspect
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
@@ -20,6 +20,7 @@ from bezier_filters.cli.app import (
     Source,
     Target,
     Up,
+    Verbose,
     app,
     check_target,
     end_with_remarks,
@@ -28,12 +29,10 @@ from bezier_filters.cli.app import (
     parse_path,
     pipe_callback,
 )
+from bezier_filters.cli.option_checks import check_options
 from bezier_filters.fields import qualities
 from bezier_filters.parameters import COLORS, PARAMETERS, Parameter
 from bezier_filters.runtime.file_names import printable_name, printable_path, user_path
-
-if TYPE_CHECKING:
-    from bezier_filters.arrays import Report
 
 _COLOR = COLORS[0]
 _COLORED = replace(_COLOR, default=True)  # as commands do whose filters have a quality anyway
@@ -58,12 +57,12 @@ def filter_command(
     *,
     color: Parameter = _COLORED,
     verb: str = "fitting",
-    show: "Callable[[Report, str], None]" = console.print_status,
+    show: Callable[..., None] = console.print_status,
 ) -> Callable[[Callable[[], None]], Callable[[], None]]:
     """Add a command that loads a mesh, runs a filter of the package, saves and reports.
 
     The docstring of the decorated function is its help; the filter's parameters are its options, with a different
-    default for colours. The verb is for the progress bar; `show` prints the report.
+    default for colours. The verb is for the progress bar; `show` prints the report, given it, the source and `verbose`.
     """
 
     def add(described: Callable[[], None]) -> Callable[[], None]:
@@ -78,6 +77,7 @@ def filter_command(
             save_script: SaveScript = None,
             skip: Skip = False,
             overwrite: Overwrite = False,
+            verbose: Verbose = False,
             quiet: Quiet = False,
             json: Json = False,
             **given: object,
@@ -88,6 +88,7 @@ def filter_command(
             if save_script is not None:  # a step is added to one that is there
                 check_target(save_script, source, target, overwrite=overwrite)
             suffix = format_of(target)
+            check_options(PARAMETERS[name], given)
             with console.stages(quiet=quiet or json) as stage:
                 stage(f"reading {printable_name(source)}")
                 ms = bf.load_mesh(source, skip=skip)
@@ -99,10 +100,11 @@ def filter_command(
             if json:
                 console.print_json({"input": user_path(source), "output": user_path(target), **report})
             elif not quiet:
-                show(report, printable_path(source))
+                show(report, printable_path(source), verbose=verbose)
                 if report.get("statistics"):
                     console.print_statistics(report, qualities(name)[report["quality"]].label)
                 console.print_written(report, printable_path(target))
+                console.print_outcome(report)
             for remark in remarks:
                 console.err().print(f"note: {printable_name(target)} is {remark}", markup=False)
             if report.get("quality") and suffix not in FIELD_SUFFIXES:
@@ -138,11 +140,12 @@ def normals() -> None:
 
 @filter_command("curvature", "compute_curvature_by_bezier_patch_per_vertex")
 def curvature() -> None:
-    """Compute mean, Gaussian and principal curvatures and directions; one of them becomes the quality.
+    """Compute curvatures; one of them becomes the quality.
 
-    Curvature is positive where the surface is convex, in 1/length; Gaussian curvature is in 1/length^2. Neighbourhood,
-    degree and weights are chosen from the data unless they are given. PLY files keep all of it in columns bz_*, with
-    standard errors and how every fit went; other formats keep the colours.
+    They are the mean, Gaussian and principal curvatures, with the principal directions. Curvature is positive where the
+    surface is convex, in 1/length; Gaussian curvature is in 1/length^2. Neighbourhood, degree and weights are chosen
+    from the data unless they are given. PLY files keep all of it in columns bz_*, with standard errors and how every
+    fit went; other formats keep the colours.
 
     Example: bezier-filters curvature bunny.ply curved.ply --quality gaussian --colormap 'French RGB'
     Example: bezier-filters curvature scan.ply curved.ply --radius 2% --range -20 20 --json
@@ -152,10 +155,11 @@ def curvature() -> None:
 
 @filter_command("torsion", "compute_torsion_by_bezier_patch_per_vertex")
 def torsion() -> None:
-    """Set the quality to the principal geodesic torsion (k_max - k_min) / 2.
+    """Set the quality to the principal geodesic torsion.
 
-    It is the largest torsion of geodesics, in 1/length; PLY files keep its two directions in columns bz_*, and how
-    every fit went. With --colormap Paper it is red where high, blue where medium and green where low.
+    It is (k_max - k_min) / 2, the largest torsion of geodesics, in 1/length; PLY files keep its two directions in
+    columns bz_*, and how every fit went. With --colormap Paper it is red where high, blue where medium and green where
+    low.
 
     Example: bezier-filters torsion bunny.ply twisted.ply
     Example: bezier-filters torsion bunny.ply twisted.ply --colormap Paper
@@ -170,7 +174,7 @@ def torsion() -> None:
     show=console.print_smoothing,
 )
 def smooth() -> None:
-    """Remove the noise of a mesh and keep its shape, its volume and its edges.
+    """Remove noise and keep the shape, the volume and the edges.
 
     The noise is learned from the mesh; a clean mesh does not change. Vertices keep their order and the faces stay. The
     report has the noise before and after, the displacements and the change of the volume.
@@ -182,7 +186,7 @@ def smooth() -> None:
 
 @filter_command("fill-holes", "meshing_close_holes_by_bezier_patch", verb="filling", show=console.print_holes)
 def fill_holes() -> None:
-    """Fill the holes of a mesh: smooth where the surface is smooth, sharp where it is sharp.
+    """Fill holes smoothly, and continue sharp edges through them.
 
     Old vertices and faces come first, unchanged, and new ones after them. A hole is filled completely or left open, and
     the report says for each how it was filled, or why not. The border of an open sheet is no hole, unless --outer-rims.
@@ -196,11 +200,11 @@ def fill_holes() -> None:
     "replace", "meshing_replace_selection_by_bezier_patch", verb="replacing", show=console.print_replacements
 )
 def replace_faces() -> None:
-    """Replace selected faces by the continuation of their surroundings: a bump, a scar, the mark of a support.
+    """Replace selected faces by the continuation of the surface.
 
-    The faces satisfy a condition, or are selected in the file: MeshLab saves the selection in PLY files, as flags.
-    The report has the volume and the height that were removed. A part of the selection that cannot be replaced stays
-    as it is, and the report says why.
+    They may be a bump, a scar, or the mark of a support. They satisfy a condition, or are selected in the file: MeshLab
+    saves the selection in PLY files, as flags. The report has the volume and the height that were removed. A part of
+    the selection that cannot be replaced stays as it is, and the report says why.
 
     Example: bezier-filters replace scan.ply clean.ply --where 'abs(x0) < 0.1 && abs(y0) < 0.1'
     """
@@ -208,10 +212,11 @@ def replace_faces() -> None:
 
 @filter_command("bridge", "meshing_bridge_holes_by_bezier_patch", verb="bridging", show=console.print_bridges)
 def bridge() -> None:
-    """Join pairs of holes by bands: a gap around a tube, two halves of a body, the missing wall of a bolt hole.
+    """Join pairs of holes by bands of faces.
 
-    A band continues the surface on both sides, and is straight where the surface ends at an angle. All other holes stay
-    open. The report lists the holes with the numbers that --pairs takes, such as '1 2, 3 4'.
+    Such are a gap around a tube, two halves of a body, or the missing wall of a bolt hole. A band continues the surface
+    on both sides, and is straight where the surface ends at an angle. All other holes stay open. The report lists the
+    holes with the numbers that --pairs takes, such as '1 2, 3 4'.
 
     Example: bezier-filters bridge scan.ply joined.ply
     """
@@ -224,10 +229,11 @@ def bridge() -> None:
     show=console.print_remeshing,
 )
 def subdivide() -> None:
-    """Make a mesh finer, with new vertices on the curved surface of its patches.
+    """Make a mesh finer, with new vertices on the curved surface.
 
-    Every face becomes four, or only edges are split that are farther from the surface than a tolerance. Sharp edges
-    stay sharp. The vertices of a clean mesh stay; those of a noisy one move onto the surface, which is free of noise.
+    The surface is that of the patches.     Every face becomes four, or only edges are split that are farther from the
+    surface than a tolerance. Sharp edges stay sharp. The vertices of a clean mesh stay; those of a noisy one move onto
+    the surface, which is free of noise.
 
     Example: bezier-filters subdivide scan.ply fine.ply --iterations 2
     Example: bezier-filters subdivide scan.ply fine.ply --tolerance 0.01%
@@ -236,10 +242,11 @@ def subdivide() -> None:
 
 @filter_command("remesh", "meshing_remeshing_by_bezier_patch", verb="remeshing", show=console.print_remeshing)
 def remesh() -> None:
-    """Make a new mesh of regular triangles whose vertices lie on the curved surface of its patches.
+    """Make regular triangles with vertices on the curved surface.
 
-    Edges have one length, or a length that follows from the curvature and a tolerance, which also decimates a mesh.
-    Sharp edges, borders and seams of textures stay, and the new vertices are free of noise.
+    The surface is that of the patches. Edges have one length, or a length that follows from the curvature and a
+    tolerance, which also decimates a mesh. Sharp edges, borders and seams of textures stay, and the new vertices are
+    free of noise.
 
     Example: bezier-filters remesh scan.ply even.ply --vertex-count 20000
     Example: bezier-filters remesh scan.ply light.ply --tolerance 0.05%
@@ -276,6 +283,7 @@ def creases(
         check_picture(picture)
         check_target(picture, source, overwrite=overwrite)
     angle, strength = given.pop("angle"), given.pop("minstrength")
+    check_options(PARAMETERS["creases"], given)
     with console.stages(quiet=quiet or json) as stage:
         stage(f"reading {printable_name(source)}")
         mesh = read_current_mesh(bf.load_mesh(source, skip=skip))
@@ -303,6 +311,7 @@ def creases(
         console.print_written(report, printable_path(target))
         if picture is not None:
             console.out().print(f"wrote [bold]{console.escape(printable_path(picture))}[/]")
+        console.print_outcome(report)
     end_with_remarks(printable_path(target), report)
 
 
@@ -327,11 +336,12 @@ def lines(
     json: Json = False,
     **given: Any,
 ) -> None:
-    """Trace lines of curvature, torsion lines or lines of given normal curvature on the surface, and write them.
+    """Trace lines of curvature or torsion on the surface.
 
-    They lie on the surface of the fitted patches, evenly spaced, and end where the direction is not known: at umbilics,
-    on planes and in noise. VTP and PLY files have the normal curvature, the geodesic torsion and the standard error of
-    the direction at every point in columns bz_*. Rings mark umbilics; bz_umbilic_index has their index.
+    Other families are asymptotic lines and lines of a given normal curvature. They lie on the surface of the fitted
+    patches, evenly spaced, and end where the direction is not known: at umbilics, on planes and in noise. VTP and PLY
+    files have the normal curvature, the geodesic torsion and the standard error of the direction at every point in
+    columns bz_*. Rings mark umbilics; bz_umbilic_index has their index.
     """
     from bezier_filters.files.ply_text import check_line_file, save_lines
     from bezier_filters.meshlab.line_filter import LineArguments, lines_as_mesh, lines_of, report_of
@@ -344,6 +354,7 @@ def lines(
     if picture is not None:
         check_picture(picture)
         check_target(picture, source, overwrite=overwrite)
+    check_options(PARAMETERS["lines"], given)
     with console.stages(quiet=quiet or json) as stage:
         stage(f"reading {printable_name(source)}")
         mesh = read_current_mesh(bf.load_mesh(source, skip=skip))
@@ -370,6 +381,7 @@ def lines(
         console.print_written(report, printable_path(target))
         if picture is not None:
             console.out().print(f"wrote [bold]{console.escape(printable_path(picture))}[/]")
+        console.print_outcome(report)
     end_with_remarks(printable_path(target), report)
 
 
@@ -383,11 +395,12 @@ def run(
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Run a MeshLab filter script, whose steps may be MeshLab's filters and those of this package.
+    """Run a MeshLab filter script.
 
-    Such a script is the .mlx file that MeshLab and pymeshlab save, or --save-script of the other commands. The name of
-    a step is MeshLab's, pymeshlab's, or one of this package, such as compute_curvature_by_bezier_patch_per_vertex.
-    Names are checked before the first step runs; the output is written after the last.
+    Its steps may be MeshLab's filters and those of this package. A script is the .mlx file that MeshLab and pymeshlab
+    save, or --save-script of the other commands. The name of a step is MeshLab's, pymeshlab's, or one of this package,
+    such as compute_curvature_by_bezier_patch_per_vertex. Names are checked before the first step runs; the output is
+    written after the last.
     """
     from bezier_filters.meshlab.save_formats import format_of
     from bezier_filters.meshlab.scripts import check_steps

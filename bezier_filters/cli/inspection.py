@@ -74,11 +74,12 @@ def compare(
     json: Json = False,
     **given: Any,
 ) -> None:
-    """Compare a mesh or point cloud with the surface of a reference mesh: signed distances and what of them is noise.
+    """Compare a mesh or point cloud with a reference surface.
 
-    Both must be in the same position: nothing is registered. The distance is that of the fitted surface of the mesh
-    from the fitted surface of the reference, positive outside, with a standard error from the noise of both. Shallow
-    defects, lower than the noise, show in means over regions. Colours are green within the tolerance.
+    Distances are signed, and the report says what of them is noise. Both must be in the same position: nothing is
+    registered. The distance is that of the fitted surface of the mesh from the fitted surface of the reference,
+    positive outside, with a standard error from the noise of both. Shallow defects, lower than the noise, show in means
+    over regions. Colours are green within the tolerance.
     """
     from bezier_filters.meshlab.meshset import Mesh, read_current_mesh
     from bezier_filters.meshlab.save_formats import format_of
@@ -134,10 +135,10 @@ def _print(report: "Report", source: Path, target: Path | None, picture: Path | 
 @app.command(epilog=examples("measure scan.ply", "measure scan.ply --repeats 0 --json"))
 @options(*PARAMETERS[MEASURES])
 def measure(source: Source, *, skip: Skip = False, quiet: Quiet = False, json: Json = False, **given: Any) -> None:
-    """Measure area, volume, total curvatures and bending energies of the surface that is fitted to a mesh.
+    """Measure area, volume, total curvatures and bending energies.
 
-    Standard errors and biases come from fits with new noise of the learned strength. The theorem of Gauss and Bonnet
-    checks the total Gaussian curvature.
+    They are those of the surface that is fitted to a mesh. Standard errors and biases come from fits with new noise of
+    the learned strength. The theorem of Gauss and Bonnet checks the total Gaussian curvature.
     """
     with console.stages(quiet=quiet or json) as stage:
         stage(f"reading {printable_name(source)}")

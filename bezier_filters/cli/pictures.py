@@ -110,10 +110,10 @@ def render(
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Draw meshes with their quality or other fields as a picture with colour bars, without any display.
+    """Draw meshes with their fields as a picture with colour bars.
 
-    One mesh has a column for every field. Several have a column each and a row for every field, with the same colours
-    for the same quantity; a mesh that lacks the field is grey.
+    It needs no display.     One mesh has a column for every field. Several have a column each and a row for every
+    field, with the same colours for the same quantity; a mesh that lacks the field is grey.
     """
     from bezier_filters.pictures.field_panels import add_directions, default_field, field_panels
     from bezier_filters.pictures.render import render_panels
@@ -155,7 +155,10 @@ def view(
     front: Front = "auto",
     skip: Skip = False,
 ) -> None:
-    """Show meshes with their fields in a window, to turn with the mouse; q closes it. Needs a display."""
+    """Show meshes with their fields in a window.
+
+    Turn them with the mouse; q closes the window. It needs a display.
+    """
     from bezier_filters.pictures.field_panels import default_field, field_panels
     from bezier_filters.pictures.scene import check_display, show_panels
     from bezier_filters.runtime.supervision import restore_default_interrupts
@@ -186,7 +189,10 @@ def qmap(
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Write a colour map with its range for MeshLab's Quality Mapper, whose Load button opens it."""
+    """Write a colour map for MeshLab's Quality Mapper.
+
+    It has the range of the values; the Load button there opens it.
+    """
     from bezier_filters.display import AUTO, default_colormap
     from bezier_filters.meshlab.mesh_colors import save_quality_map
     from bezier_filters.pictures.field_panels import check_field, field_limits

@@ -1,5 +1,6 @@
-"""The progress bar."""
+"""Progress: a bar on terminals, and lines elsewhere."""
 
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -9,6 +10,8 @@ from rich.text import Text
 
 from bezier_filters.runtime.parallel import Progress as ProgressCallback
 
+LINE_INTERVAL = 10.0  # seconds before the first line of progress, and between lines
+
 
 class TimeColumn(ProgressColumn):
     """Remaining time of a stage if known, else elapsed time."""
@@ -17,7 +20,16 @@ class TimeColumn(ProgressColumn):
         """Time with a word that says which of the two it is."""
         left = task.time_remaining
         seconds, word = (task.elapsed or 0.0, "so far") if left is None or task.finished else (left, "left")
-        return Text(f"{int(seconds) // 60}:{int(seconds) % 60:02} {word}", style="progress.remaining")
+        return Text(f"{format_time(seconds)} {word}", style="progress.remaining")
+
+
+def format_time(seconds: float) -> str:
+    """A time in minutes and seconds.
+
+    >>> format_time(75.2)
+    '1:15'
+    """
+    return f"{int(seconds) // 60}:{int(seconds) % 60:02}"
 
 
 @contextmanager
@@ -40,3 +52,31 @@ def progress_bar(console: Console) -> Iterator[Callable[[str], ProgressCallback]
             return move
 
         yield begin
+
+
+def progress_lines(
+    show: Callable[[str], None], clock: Callable[[], float] = time.monotonic
+) -> Callable[[str], ProgressCallback]:
+    """Progress as lines for pipes and files: the function that begins a stage, as that of `progress_bar`.
+
+    A run that ends within `LINE_INTERVAL` has no line.
+    """
+    shown = clock()
+
+    def begin(name: str) -> ProgressCallback:
+        begun = clock()
+
+        def move(done: int, total: int) -> None:
+            if 0 < done < total:
+                left = (clock() - begun) * (total - done) / done
+                _show_line(f"{name}: {done / total:.0%}, {format_time(left)} left")
+
+        return move
+
+    def _show_line(text: str) -> None:
+        nonlocal shown
+        if clock() - shown >= LINE_INTERVAL:
+            shown = clock()
+            show(text)
+
+    return begin

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from bezier_filters.runtime.parallel import Progress
 
 scale_app = typer.Typer(
-    help="Meshes of any size, in tiles on Dask: one machine or a cluster.",
+    help="Process meshes of any size in tiles, on one or many machines.",
     epilog="Example: bezier-filters scale curvature statue.ply curved.ply --memory-limit 2GB",
     no_args_is_help=True,
     rich_markup_mode=None,
@@ -120,7 +120,10 @@ def curvature(
     json: Json = False,
     **given: Any,
 ) -> None:
-    """Compute mean, Gaussian and principal curvatures and directions, with the values that the mesh has in memory."""
+    """Compute curvatures and principal directions.
+
+    Mean, Gaussian and principal curvatures have the values that the mesh has in memory.
+    """
     from bezier_filters.scale import FitOptions, estimate_file
 
     check_target(*(Path(path) for path in (target, source, faces) if path is not None), overwrite=overwrite)
@@ -144,7 +147,9 @@ def smooth(
     json: Json = False,
     **given: Any,
 ) -> None:
-    """Remove the noise; vertices differ from the result in memory by at most a hundredth of the noise.
+    """Remove noise and keep the shape and the edges.
+
+    Vertices differ from the result in memory by at most a hundredth of the noise.
 
     Rings, alpha, degree, smoothness and robust are for the paper's method, which moves every vertex onto its patch.
     """

@@ -21,6 +21,7 @@ from bezier_filters.cli.app import (
     parse_path,
     pipe_callback,
 )
+from bezier_filters.cli.option_checks import check_options
 from bezier_filters.fields import BAKE
 from bezier_filters.parameters import PARAMETERS
 from bezier_filters.runtime.file_names import printable_name, printable_path, user_path
@@ -54,16 +55,18 @@ def bake(
     json: Json = False,
     **given: Any,
 ) -> None:
-    """Bake a curvature, cavity, convexity or normal map into an image over the mesh's texture coordinates.
+    """Bake a curvature, cavity, convexity or normal map.
 
-    Grey maps are linear data. In a curvature map mid grey is flat, white convex and black concave; a cavity map is
-    white except where concave, a convexity map black except where convex. A normal map, in tangent space, makes a
-    coarse mesh look like the smooth surface that is fitted to it. Charts are padded against seams.
+    It is an image over the texture coordinates of the mesh.     Grey maps are linear data. In a curvature map mid grey
+    is flat, white convex and black concave; a cavity map is white except where concave, a convexity map black except
+    where convex. A normal map, in tangent space, makes a coarse mesh look like the smooth surface that is fitted to it.
+    Charts are padded against seams.
     """
     from bezier_filters.files.texture_files import check_texture_file
 
     check_texture_file(target, given["bits"])
     check_target(target, source, overwrite=overwrite)
+    check_options(PARAMETERS[BAKE], given)
     with console.stages(quiet=quiet or json) as stage:
         stage(f"reading {printable_name(source)}")
         ms = bf.load_mesh(source, skip=skip)

@@ -141,6 +141,7 @@ def test_an_interrupted_batch_goes_on_where_it_was(tmp_path, without_processes):
 
 
 REMARKS = {
+    "clean": "0 holes filled, 0 left open; noise ",
     "normals": "angle: median ",
     "curvature": "mean curvature: median ",
     "torsion": "torsion: median ",
@@ -180,7 +181,7 @@ def test_every_command_does_what_it_does_for_one_file(command, tmp_path, capsys)
 
 
 def test_every_filter_that_writes_files_is_tried():
-    assert {*REMARKS} == {*PARAMETERS} - {"measure"}
+    assert {*REMARKS} == {*PARAMETERS, "clean"} - {"measure"}
 
 
 def test_a_process_that_runs_commands_has_all_of_them():

@@ -469,7 +469,7 @@ def test_fills_that_need_a_look_are_told_last_and_by_the_status(tmp_path):
         in result.stderr
     )
     assert "every fill would cut other faces, --intersecting takes" in " ".join(result.stdout.split())
-    result = run("fill-holes", half, target, "--intersecting")
+    result = run("fill-holes", half, target, "--intersecting", "--verbose")
     assert result.returncode == 3
     assert "1 of the fills with faces that intersect others" in result.stderr
     assert re.search(r"\w+: \d+ of its faces would cut others;", " ".join(result.stdout.split()))

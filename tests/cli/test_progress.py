@@ -7,7 +7,7 @@ from rich.console import Console
 from rich.progress import Progress
 
 from bezier_filters.cli import console
-from bezier_filters.cli.progress import TimeColumn
+from bezier_filters.cli.progress import TimeColumn, progress_lines
 
 
 def test_stages_say_what_is_done(monkeypatch):
@@ -34,9 +34,20 @@ def test_stages_tell_the_time_that_is_left():
     assert TimeColumn().render(bar.tasks[0]).plain == "1:00 left"
 
 
-def test_stages_are_for_terminals(monkeypatch):
+def test_bars_are_for_terminals_and_short_runs_are_silent(monkeypatch):
     screen = StringIO()
     monkeypatch.setattr(console, "err", lambda: Console(file=screen))
     with console.stages(quiet=False) as stage:
+        stage("fitting")(1, 2)
+    with console.stages(quiet=True) as stage:
         assert stage("reading") is None
     assert screen.getvalue() == ""
+
+
+def test_long_runs_print_a_line_every_ten_seconds():
+    now, lines = [0.0], []
+    move = progress_lines(lines.append, clock=lambda: now[0])("fitting")
+    for second in range(41):
+        now[0] = float(second)
+        move(second, 40)
+    assert lines == ["fitting: 25%, 0:30 left", "fitting: 50%, 0:20 left", "fitting: 75%, 0:10 left"]

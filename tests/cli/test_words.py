@@ -1,14 +1,18 @@
 """What the command line says: in the words of the shell, and explained where it is printed."""
 
+import json
+import re
 from pathlib import Path
 
 import numpy as np
 import pymeshlab
 import pytest
+import typer
 from command_line import run
 
-from bezier_filters import load_mesh, read_fields, save_mesh
+from bezier_filters import load_mesh, mesh_arrays, read_fields, save_mesh
 from bezier_filters.cli import console
+from bezier_filters.cli.commands import app as console_app
 from bezier_filters.surfaces import sphere
 
 SAMPLES = Path(__file__).parents[2] / "sample_meshes"
@@ -123,12 +127,80 @@ def test_a_mesh_that_is_coloured_cleaned_and_closed_keeps_its_colours_and_what_t
     assert '"label": "mean curvature"' in result.stdout
 
 
+@pytest.mark.parametrize(
+    ("command", "last"),
+    [
+        ("fill-holes", r"1 hole filled, 0 left open"),
+        ("fill-holes --max-edges 3", r"0 holes filled, 1 left open: \d+ edges, more than --max-edges 3"),
+        ("smooth", r"noise .*; nothing moved"),
+        (
+            "curvature",
+            r"mean curvature: median 1 \[1/length\]; reliable (everywhere|at .* vertices)",
+        ),
+        ("clean", r"noise .*; nothing moved"),
+    ],
+)
+def test_the_last_line_says_what_matters(command, last, tmp_path):
+    holed_ball(tmp_path / "ball.ply")
+    name, *given = command.split()
+    result = run(name, tmp_path / "ball.ply", tmp_path / "out.ply", *given)
+    assert re.fullmatch(last, result.stdout.splitlines()[-1])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("curvature --quality foo", "--quality: got 'foo', expected 'mean'"),
+        ("curvature --colormap jet", "--colormap: got 'jet'"),
+        ("curvature --percentile 70", "--percentile: got 70.0"),
+        ("curvature --range 3 1", "colour range: got 3.0 to 1.0"),
+        ("curvature --degree 9", "--degree: got 9"),
+        ("fill-holes --max-diameter -1", "--max-diameter: got -1.0, expected a positive length"),
+        ("smooth --method foo", "--method: got 'foo', expected 'auto' or 'paper'"),
+        ("clean --noise -1", "--noise: got -1.0, expected a length of 0 or more"),
+        ("clean --report page.txt", "expected a file name that ends in .html"),
+        ("lines --family foo", "--family: got 'foo'"),
+    ],
+)
+def test_options_are_checked_before_the_mesh_is_read(arguments, message, tmp_path):
+    name, *given = arguments.split()
+    result = run(name, tmp_path / "missing.ply", tmp_path / "out.ply", *given)
+    assert result.returncode == 2
+    assert message in result.stderr
+    assert "missing.ply" not in result.stderr
+
+
+def test_the_help_has_whole_sentences_at_80_columns(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    for arguments in (["--help"], ["scale", "--help"]):
+        lines = run(*arguments).stdout.splitlines()
+        assert not [line for line in lines if not line.startswith("Usage") and (line.endswith("...") or len(line) > 80)]
+    shown = "\n".join(lines) + run("--help").stdout
+    assert [name for name in typer.main.get_command(console_app).commands if f"\n  {name} " not in shown] == []
+
+
+def test_cleaning_fills_and_then_smooths(tmp_path):
+    holed_ball(tmp_path / "ball.ply")
+    result = run("clean", tmp_path / "ball.ply", tmp_path / "clean.ply", "--json")
+    report = json.loads(result.stdout)
+    assert report["fill"]["closed_holes"] == 1
+    assert run("fill-holes", tmp_path / "ball.ply", tmp_path / "f.ply").returncode == 0
+    assert run("smooth", tmp_path / "f.ply", tmp_path / "s.ply").returncode == 0
+    first, second = (mesh_arrays(tmp_path / name) for name in ("clean.ply", "s.ply"))
+    np.testing.assert_array_equal(first[1], second[1])
+    np.testing.assert_allclose(first[0], second[0], atol=1e-9)
+
+
 def test_a_reason_of_a_filled_hole_is_what_was_tried_before(capsys):
     hole = {"edge_count": 9, "diameter": 0.1, "method": "flat", "new_faces": 7, "rim_dihedral": 9.0}
     reason = {"reason": "surface: 3 of its faces would cut others"}
     report = {"repaired": None, "closed_holes": 1, "open_holes": 1, "new_faces": 7, "trimmed_faces": 0}
     report["holes"] = [hole | reason | {"filled": True}, hole | reason | {"filled": False, "method": ""}]
     console.print_holes(report, "a.ply")
+    shown = capsys.readouterr().out
+    assert "tried before" not in shown
+    assert shown.count("surface: 3 of its faces would cut others") == 1
+    console.print_holes(report, "a.ply", verbose=True)
     shown = capsys.readouterr().out
     assert shown.count("tried before: surface: 3 of its faces would cut others") == 1
     assert shown.count("surface: 3 of its faces would cut others") == 2
