@@ -179,5 +179,7 @@ SURFACES: dict[str, Callable[[int, np.random.Generator], CloudCase]] = {
 
 def with_noise(case: CloudCase, noise: float, random: np.random.Generator, *, along: bool = True) -> np.ndarray:
     """Points with normal noise of so many spacings, along the normals or in all directions."""
-    draws = random.normal(size=(len(case.points), 1)) * case.normals if along else random.normal(size=(len(case.points), 3))
+    draws = (
+        random.normal(size=(len(case.points), 1)) * case.normals if along else random.normal(size=(len(case.points), 3))
+    )
     return case.points + noise * case.spacing * draws

@@ -152,7 +152,7 @@ def print_smoothing(report: Report, source: str) -> None:
         table.add_row("", clean if report["noise_before"] is not None else "nothing moved: the noise is not known")
     if report["volume_ratio"] is not None:
         table.add_row("volume", f"{report['volume_ratio']:.6f} times as before")
-    for kind in ("flipped", "degenerate"):
+    for kind in ("flipped", "degenerate") if report["topology"] else ():  # a point cloud has no faces
         table.add_row(f"{kind} faces", f"{report[f'{kind}_before']:,} before, {report[f'{kind}_after']:,} after")
     out().print(f"[bold]{escape(source)}[/]")
     _print_repaired(report)

@@ -1,10 +1,11 @@
 """Faces of a point cloud: the triangles on which its points agree, as a surface of one or more sheets.
 
 Each point has the Delaunay triangles of its neighbours in its own tangent plane (see `point_cloud`). Where planes
-differ, points may disagree. A triangle needs the votes of two of its corners, and those with more votes and smaller
-circumscribed circles are taken first, as long as an edge has one face on each side (as in Gopi, Krishnan, Silva,
-"Surface reconstruction based on lower dimensional localized Delaunay triangulation", Eurographics 2000). So the faces
-are a manifold along their edges, and what needs a mesh works on a cloud; the faces are no reconstruction for display.
+differ, points may disagree. A triangle needs the votes of two of its corners, or two faces beside it. Those with more
+votes and smaller circumscribed circles are taken first, as long as an edge has one face on each side (as in Gopi,
+Krishnan, Silva, "Surface reconstruction based on lower dimensional localized Delaunay triangulation", Eurographics
+2000). So the faces are a manifold along their edges, and what needs a mesh works on a cloud; they are no reconstruction
+for display.
 
 Noise turns tangent planes, and points disagree. So the triangles are those of the points on their patches.
 """
@@ -27,6 +28,7 @@ from bezier_filters.runtime.parallel import run_kernel
 from bezier_filters.surface_model.fit_options import FitOptions
 
 MIN_VOTES = 2  # of the corners of a triangle that have it in their tangent planes
+MIN_NEIGHBOURS = 2  # faces beside a triangle with fewer votes, which fills a gap
 
 
 def cloud_surface(cloud: TriangleMesh) -> PreparedMesh:
@@ -72,14 +74,15 @@ def triangulate_cloud(points: FloatArray, adjacency: Adjacency, normals: FloatAr
     run_kernel(_write_stars, n, points, normals, rows.indptr, rows.indices, stars)
     stars = stars[stars[:, 0] >= 0]
     triangles, votes = _count_votes(stars, n)
-    triangles, votes = triangles[votes >= MIN_VOTES], votes[votes >= MIN_VOTES]
+    is_usable = (votes >= MIN_VOTES) | ~adjacency.on_boundary[triangles].all(axis=1)  # no slivers along borders
+    triangles, votes = triangles[is_usable], votes[is_usable]
     order = np.lexsort((_circumscribed(points, triangles), -votes)).astype(np.int32)
     pairs = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     _, edges = np.unique(pairs[:, 0].astype(np.int64) * n + pairs[:, 1], return_inverse=True)
     edges = edges.reshape(-1, 3).astype(np.int32)
     is_taken = np.zeros(len(triangles), dtype=np.bool_)
     has_face = np.zeros((int(edges.max(initial=-1)) + 1, 2), dtype=np.bool_)
-    _take_triangles(points, normals, triangles, edges, order, has_face, is_taken)
+    _take_triangles(points, normals, triangles, votes >= MIN_VOTES, edges, order, has_face, is_taken)
     return _orient(points, normals, triangles[is_taken])
 
 
@@ -187,19 +190,24 @@ def _take_triangles(
     points: FloatArray,
     normals: FloatArray,
     triangles: IntArray,
+    is_agreed: BoolArray,
     edges: IntArray,
     order: IntArray,
     has_face: BoolArray,
     is_taken: BoolArray,
 ) -> None:
-    """Mark triangles in an order as taken, if no edge gets a second face on one of its sides."""
+    """Mark triangles in an order as taken, if no edge gets a second face on one of its sides.
+
+    Those that are not agreed only fill gaps.
+    """
     for f in order:
-        is_free = True
+        is_free, neighbours = True, 0
         for k in range(3):
             side = _side(points, normals, triangles[f, k], triangles[f, (k + 1) % 3], triangles[f, (k + 2) % 3])
             is_free = is_free and not has_face[edges[f, k], side]
-        is_taken[f] = is_free
-        if is_free:
+            neighbours += has_face[edges[f, k], 1 - side]
+        is_taken[f] = is_free and (is_agreed[f] or neighbours >= MIN_NEIGHBOURS)
+        if is_taken[f]:
             for k in range(3):
                 side = _side(points, normals, triangles[f, k], triangles[f, (k + 1) % 3], triangles[f, (k + 2) % 3])
                 has_face[edges[f, k], side] = True

@@ -201,7 +201,7 @@ def learn_and_denoise(
         elif candidate.kind > FIRST_SHARP_KIND:
             break
     patches = None
-    if options.is_cloud and not is_bounded and noise.rounding is None:
+    if options.is_cloud and not (is_bounded or options.relax or noise.rounding):  # patches do not slide
         base = found[int(overall_risks(_stack_estimates(noisy, found, factor), parts.core).argmin())]
         patches = learn_patches(noisy, base, sigma)
     if patches is not None:
