@@ -55,7 +55,7 @@ def test_clean_clouds_stay():
 
 
 def test_edges_of_a_cube_stay_sharp():
-    """Points are nearer to the cube than before, at its edges too: averaging would round them by a third of a spacing."""
+    """Points come nearer to the cube, also at its edges, where averaging would move them by a third of a spacing."""
     points, normals, spacing = cloud_of_cube(3000)
     noisy = points + 0.1 * spacing * normals * np.random.default_rng(2).normal(size=(3000, 1))
     moved = bf.smooth(noisy).vertices
@@ -94,7 +94,7 @@ def test_points_project_onto_patches():
     noisy = points * (1.0 + 0.2 * spacing * np.random.default_rng(2).normal(size=(1500, 1)))
     of_cloud, of_others = bf.project(noisy), bf.project(noisy, None, 1.2 * points[:100])
     assert root_mean_square(np.linalg.norm(of_cloud.points, axis=1) - 1.0) < 0.4 * 0.2 * spacing
-    np.testing.assert_allclose(of_others.distances, 0.2, atol=0.3 * spacing)
+    np.testing.assert_allclose(of_others.distances, 0.2, atol=0.4 * spacing)
 
 
 def test_a_cloud_has_no_volume_to_keep():
