@@ -19,7 +19,7 @@ from bezier_filters.noise.noise_model import NoiseModel
 from bezier_filters.noise.rounding import Rounding
 from bezier_filters.runtime.parallel import Progress, report
 from bezier_filters.sampling.mesh_parts import MAX_WHOLE_VERTICES, MeshPart, sample_parts, whole_mesh
-from bezier_filters.smoothing.borders import learn_border_noise, restrict_borders
+from bezier_filters.smoothing.borders import learn_border_noise, project_border_moves, restrict_borders
 from bezier_filters.smoothing.candidates import (
     BILATERAL_ROUNDS,
     ESTIMATE_KINDS,
@@ -110,6 +110,7 @@ class SmoothingPlan:
     sliding: TangentialMotion
     # standard deviation of the noise across the border, a length; None if its moves are not restricted
     border_sigma: float | None
+    is_cloud: bool = False  # see `SmoothingOptions`
     patches: PatchPlan | None = None  # the patches, if they are one of the estimates
 
 
@@ -233,11 +234,11 @@ def learn_and_denoise(
     elif not options.relax:
         sliding = choose_sliding(parts, result.points, noisy.sigma / scale)
     # where noise turns faces over, normals of the border are unknown
-    across = None if noise.heavy else learn_border_noise(parts, noise.sigma)
-    if options.is_cloud:
-        across = 0.0  # the border of a cloud is ragged, but not by noise
+    across = None if noise.heavy or options.is_cloud else learn_border_noise(parts, noise.sigma)
     time_scale = clusters.time_scale
-    plan = SmoothingPlan(center, scale, time_scale, levels, low_pass, kinds, factor, overall, sliding, across, patches)
+    plan = SmoothingPlan(
+        center, scale, time_scale, levels, low_pass, kinds, factor, overall, sliding, across, options.is_cloud, patches
+    )
     report(progress, PROGRESS_STEPS, PROGRESS_STEPS)
     return plan, _restrict(parts, result, plan)
 
@@ -307,7 +308,9 @@ def _restrict(part: MeshPart, found: DenoisedMesh, plan: SmoothingPlan) -> Denoi
     sliding = plan.sliding
     noise = np.where(small_component_mask(part), 0.0, found.noise)
     points = restrict_to_normals(part.mesh, found.points, sliding)
-    if plan.border_sigma is not None:
+    if plan.is_cloud:
+        points = points if sliding == TangentialMotion.ALL else project_border_moves(part.mesh, points)
+    elif plan.border_sigma is not None:
         points = restrict_borders(part.mesh, points, plan.border_sigma, slides=sliding == TangentialMotion.ALL)
     return replace(found, points=limit_moves(part.mesh.vertices, points, MAX_MOVE_SIGMAS * noise), noise=noise)
 
