@@ -1,7 +1,7 @@
 """Faces of a point cloud: the triangles on which its points agree, as a surface of one or more sheets.
 
 Each point has the Delaunay triangles of its neighbours in its own tangent plane (see `point_cloud`). Where planes
-differ, points may disagree. A triangle needs the votes of two of its corners, or two faces beside it. Those with more
+differ, points may disagree. A triangle needs the votes of two of its corners, or two adjacent faces. Those with more
 votes and smaller circumscribed circles are taken first, as long as an edge has one face on each side (as in Gopi,
 Krishnan, Silva, "Surface reconstruction based on lower dimensional localized Delaunay triangulation", Eurographics
 2000). So the faces are a manifold along their edges, and what needs a mesh works on a cloud; they are no reconstruction
@@ -28,7 +28,7 @@ from bezier_filters.runtime.parallel import run_kernel
 from bezier_filters.surface_model.fit_options import FitOptions
 
 MIN_VOTES = 2  # of the corners of a triangle that have it in their tangent planes
-MIN_NEIGHBOURS = 2  # faces beside a triangle with fewer votes, which fills a gap
+MIN_NEIGHBOURS = 2  # adjacent faces of a triangle with fewer votes, which fills a gap
 
 
 def cloud_surface(cloud: TriangleMesh) -> PreparedMesh:
@@ -76,7 +76,7 @@ def triangulate_cloud(points: FloatArray, adjacency: Adjacency, normals: FloatAr
     triangles, votes = _count_votes(stars, n)
     is_usable = (votes >= MIN_VOTES) | ~adjacency.on_boundary[triangles].all(axis=1)  # no slivers along borders
     triangles, votes = triangles[is_usable], votes[is_usable]
-    order = np.lexsort((_circumscribed(points, triangles), -votes)).astype(np.int32)
+    order = np.lexsort((_circumradii(points, triangles), -votes)).astype(np.int32)
     pairs = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     _, edges = np.unique(pairs[:, 0].astype(np.int64) * n + pairs[:, 1], return_inverse=True)
     edges = edges.reshape(-1, 3).astype(np.int32)
@@ -97,7 +97,7 @@ def _count_votes(stars: IntArray, n: int) -> tuple[IntArray, IntArray]:
     return rows[first], np.diff(np.append(first, len(rows)))
 
 
-def _circumscribed(points: FloatArray, triangles: IntArray) -> FloatArray:
+def _circumradii(points: FloatArray, triangles: IntArray) -> FloatArray:
     """Radii of the circumscribed circles of triangles, (m,); infinite without an area."""
     a, b, c = (points[triangles[:, k]] for k in range(3))
     sides = [np.linalg.norm(q - p, axis=1) for p, q in ((a, b), (b, c), (c, a))]
@@ -198,7 +198,7 @@ def _take_triangles(
 ) -> None:
     """Mark triangles in an order as taken, if no edge gets a second face on one of its sides.
 
-    Those that are not agreed only fill gaps.
+    Triangles with fewer votes only fill gaps.
     """
     for f in order:
         is_free, neighbours = True, 0
