@@ -126,7 +126,9 @@ def _estimate_in_all_ways() -> None:
 
 
 def _estimate_points() -> None:
-    estimate_vertex_geometry(_torus_with_holes()[0], None)
+    points = _torus_with_holes()[0]
+    estimate_vertex_geometry(points, None)
+    smooth(points)
 
 
 def _smooth() -> None:

@@ -152,7 +152,7 @@ def print_smoothing(report: Report, source: str, *, verbose: bool = False) -> No
         table.add_row("", clean if report["noise_before"] is not None else "nothing moved: the noise is not known")
     if report["volume_ratio"] is not None:
         table.add_row("volume", f"{report['volume_ratio']:.6f} times as before")
-    for kind in ("flipped", "degenerate"):
+    for kind in ("flipped", "degenerate") if report["topology"] else ():  # a point cloud has no faces
         if not (verbose or report[f"{kind}_before"] or report[f"{kind}_after"]):
             continue
         table.add_row(f"{kind} faces", f"{report[f'{kind}_before']:,} before, {report[f'{kind}_after']:,} after")

@@ -21,7 +21,11 @@ _DELIMITERS = (";", "\t", ",")  # a comma may be part of a number only where ano
 _CHANNEL_MAX = 255
 _CSV_BLOCK_ROWS = 4096
 _LAS_CHANNEL_STEP = 257  # 16 bits of LAS for each of 8
-_NAMES_OF_COLORS = {"r": "red", "g": "green", "b": "blue", "a": "alpha"}
+INTENSITY = PREFIX + "intensity"  # column of the strength of the returned light, in the unit of the file
+# names of columns in other programs
+_NAMES = {"r": "red", "g": "green", "b": "blue", "a": "alpha"}
+_NAMES |= {"i": INTENSITY, "intensity": INTENSITY, "reflectance": INTENSITY, "scalar_intensity": INTENSITY}
+_NAMES |= {f"normal_{axis}": name for axis, name in zip(AXES, NORMAL_COLUMNS, strict=True)}
 
 
 def write_csv(path: Path, data: MeshData) -> None:
@@ -56,7 +60,7 @@ def read_csv(path: Path) -> MeshData:
     if rows.size and rows.shape[1] != len(names):
         raise FieldFileError(f"{path} has {len(names)} names of columns, but {rows.shape[1]} numbers in a row")
     columns = dict(zip(names, rows.reshape(-1, len(names)).T, strict=True))
-    return _cloud(path, columns)
+    return cloud_of_columns(path, columns)
 
 
 def _is_number(word: str) -> bool:
@@ -68,14 +72,23 @@ def _is_number(word: str) -> bool:
 
 
 def _column_name(word: str) -> str:
-    """Name of a column here: lower case, with full names of colours."""
+    """Name of a column here: lower case, with full names of colours and normals."""
     name = word.lower()
-    return _NAMES_OF_COLORS.get(name, name)
+    return _NAMES.get(name, name)
 
 
-def _cloud(path: Path, columns: Mapping[str, NDArray[Any]]) -> MeshData:
+def header_names(line: str) -> list[str] | None:
+    """Names of columns in a line of text; None if it consists of numbers."""
+    words = line.lstrip("/#").split()
+    return None if all(map(_is_number, words)) and not line.startswith("#") else [_column_name(word) for word in words]
+
+
+def cloud_of_columns(path: Path, columns: Mapping[str, NDArray[Any]]) -> MeshData:
     """Points of columns with names; others than those of this package are not read."""
-    fields = {name: values for name, values in columns.items() if name == QUALITY or name.startswith(PREFIX)}
+    columns = {_column_name(name): values for name, values in columns.items()}
+    fields = {
+        name: np.asarray(v, np.float64) for name, v in columns.items() if name == QUALITY or name.startswith(PREFIX)
+    }
     normals = _stack(columns, NORMAL_COLUMNS)
     colors = _stack(columns, COLOR_COLUMNS[:3])
     used = {*AXES, *fields, *(NORMAL_COLUMNS if normals is not None else ())}
@@ -86,7 +99,7 @@ def _cloud(path: Path, columns: Mapping[str, NDArray[Any]]) -> MeshData:
         used |= set(COLOR_COLUMNS)
     left = [name for name in columns if name not in used]
     notes = (f"columns that were not read: {', '.join(left)}",) if left else ()
-    vertices = np.column_stack([columns[axis] for axis in AXES])
+    vertices = np.column_stack([columns[axis] for axis in AXES]).astype(np.float64)
     return MeshData(vertices, np.empty((0, 3), np.int32), normals, rgba, fields, notes)
 
 
@@ -133,7 +146,7 @@ def _is_field(name: str) -> bool:
 
 
 def read_las(path: Path) -> MeshData:
-    """Read the points and colours of a LAS file of laser scans, or of a LAZ file if laspy can decompress it."""
+    """Read the points, intensities and colours of a LAS file, or of a LAZ file if laspy can decompress it."""
     laspy = import_extra("laspy")
     try:
         las = laspy.read(path)
@@ -146,7 +159,9 @@ def read_las(path: Path) -> MeshData:
         channels = np.column_stack([np.asarray(las[name]) for name in COLOR_COLUMNS[:3]])
         step = _LAS_CHANNEL_STEP if channels.max(initial=0) > _CHANNEL_MAX else 1  # some programs write 8 bits
         colors = np.rint(np.insert(channels / step, 3, _CHANNEL_MAX, axis=1)).astype(np.uint8)
-    used = {"X", "Y", "Z", *(COLOR_COLUMNS if colors is not None else ())}
+    used = {"X", "Y", "Z", "intensity", *(COLOR_COLUMNS if colors is not None else ())}
+    intensity = np.asarray(las["intensity"], np.float64)
+    fields = {INTENSITY: intensity} if intensity.any() else {}
     left = [name for name in names if name not in used and np.asarray(las[name]).any()]
     notes = (f"dimensions that were not read: {', '.join(left)}",) if left else ()
-    return MeshData(points, np.empty((0, 3), np.int32), None, colors, {}, notes)
+    return MeshData(points, np.empty((0, 3), np.int32), None, colors, fields, notes)

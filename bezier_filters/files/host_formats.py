@@ -12,6 +12,7 @@ from bezier_filters.field_arrays import split_vectors
 from bezier_filters.fields import NORMAL, PREFIX, QUALITY
 from bezier_filters.files.data_tables import read_csv, read_las, read_npz, write_csv, write_npz
 from bezier_filters.files.mesh_data import MeshData
+from bezier_filters.files.scan_formats import read_e57, read_pcd, read_pts, read_ptx, read_xyz
 from bezier_filters.meshes.mesh_objects import arrays_of_object
 from bezier_filters.runtime.extras import import_extra
 
@@ -126,4 +127,9 @@ READERS: dict[str, Callable[[Path], MeshData]] = {
     ".npz": read_npz,
     ".las": read_las,
     ".laz": read_las,
+    ".pcd": read_pcd,
+    ".pts": read_pts,
+    ".ptx": read_ptx,
+    ".xyz": read_xyz,
+    ".e57": read_e57,
 }

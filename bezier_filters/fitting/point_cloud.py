@@ -128,7 +128,7 @@ def _choose_neighbours(
         nx, ny, nz = normals[i]
         if nx == 0.0 and ny == 0.0 and nz == 0.0:
             continue
-        x, y = _tangents(nx, ny, nz)
+        x, y = find_tangents(nx, ny, nz)
         inverted[0] = 0.0  # the image of infinity, a corner of the hull at a boundary
         candidate[0] = -1
         count = 1
@@ -152,7 +152,7 @@ def _choose_neighbours(
 
 
 @allocating_jit()
-def _tangents(nx: float, ny: float, nz: float) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+def find_tangents(nx: float, ny: float, nz: float) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
     """Two orthonormal tangents of a unit normal."""
     if abs(nx) < 0.7:
         length = np.sqrt(ny * ny + nz * nz)

@@ -241,9 +241,15 @@ def _drop_carriers(ms: MeshSet) -> None:
 def write_coordinates(ms: MeshSet, vertices: FloatArray) -> None:
     """Set the coordinates of the current mesh, (n, 3), and its normals to unit normals of the new faces.
 
-    Everything else stays, except that the id of the next layer increases by one.
+    Everything else stays, except that the id of the next layer increases by one. A point cloud keeps its normals.
     """
     mesh = current_mesh(ms)
+    if not mesh.face_number():  # which MeshLab does not morph
+        with _carry_values(ms, vertices[:, 0], vertices[:, 1]) as (x, y):
+            ms.compute_coord_by_function(x=x, y=y, z="z")
+        with _carry_values(ms, vertices[:, 2]) as (z,):
+            ms.compute_coord_by_function(x="x", y="y", z=z)
+        return
     wanted = mesh.id()
     others = {layer.id() for layer in ms}
     ms.add_mesh(Mesh(vertices), "coordinates", set_as_current=False)

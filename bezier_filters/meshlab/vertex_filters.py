@@ -17,7 +17,6 @@ from bezier_filters.meshlab.direction_columns import Direction, check_direction,
 from bezier_filters.meshlab.filter_run import Computed, Output, run_filter
 from bezier_filters.meshlab.mesh_attributes import write_coordinates
 from bezier_filters.meshlab.meshset import (
-    BezierFilterError,
     CurrentMesh,
     Length,
     MeshSet,
@@ -283,7 +282,7 @@ def apply_coord_bezier_patch_smoothing(
     Parameters
     ----------
     ms : pymeshlab.MeshSet
-        Its current mesh must have faces.
+        Its current mesh; without faces it is a point cloud, whose points move along the normals of its surface.
     onselected : bool
         Only selected vertices move, or, if there are none, the vertices of the selected faces.
 
@@ -317,11 +316,6 @@ def apply_coord_bezier_patch_smoothing(
     """
 
     def work(mesh: CurrentMesh, mask: BoolArray) -> Computed:
-        if not len(mesh.faces):
-            raise BezierFilterError(
-                "the current mesh has no faces, and smoothing needs a surface; make one first, for example with "
-                "generate_surface_reconstruction_screened_poisson"
-            )
         topology, movable = topology_of(mesh.vertices, mesh.faces), mask.copy()
         if borders == "fixed":
             movable &= ~topology.on_border

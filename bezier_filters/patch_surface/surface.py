@@ -1,6 +1,6 @@
 """The surface of the patches of a mesh, made once and asked at any points."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import cast
 
 import numpy as np
@@ -12,13 +12,14 @@ from bezier_filters.differential_geometry import DerivedCurvatures
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
 from bezier_filters.estimation.estimate import estimate_patches, estimate_vertex_geometry
 from bezier_filters.feature_lines.crease_lines import find_sharp_edges
+from bezier_filters.fitting.cloud_triangulation import cloud_surface
 from bezier_filters.fitting.noise_level import is_noisy
 from bezier_filters.fitting.patch_geometry import PatchGeometry
 from bezier_filters.fitting.vertex_geometry import VertexGeometry
 from bezier_filters.kernels.kernel_input import PATCH_DEGREE, PATCH_ORIGIN, PATCH_SQUARE
 from bezier_filters.meshes.box_tree import BoxTree, morton_order
 from bezier_filters.meshes.half_edges import distinct_edges, half_edge_twins
-from bezier_filters.meshes.mesh import TriangleMesh, takes_meshes, triangle_mesh
+from bezier_filters.meshes.mesh import TriangleMesh, surface_or_points, takes_meshes
 from bezier_filters.meshes.mesh_objects import MeshLike
 from bezier_filters.meshes.prepared_mesh import PreparedMesh, prepare_mesh
 from bezier_filters.meshes.unit_size import CURVATURE, LENGTH, SQUARED_CURVATURE, rescale, size_exponent
@@ -219,12 +220,15 @@ def fit_surface(
     Without noise the surface passes through the vertices. Coarse meshes without noise leave residuals that look like a
     little of it, but neighbours share them; where no edge is sharp, the patches are then fitted without noise.
 
+    A point cloud gets triangles between its points, see `bezier_filters.fitting.cloud_triangulation`: they are the
+    faces of the result.
+
     Parameters
     ----------
     vertices : (n, 3) array_like of float, or mesh object
         Coordinates; or a mesh of another library, see `mesh_arrays`, and no faces.
-    faces : (m, 3) array_like of int
-        Triangles, counter-clockwise seen from outside.
+    faces : (m, 3) array_like of int, optional
+        Triangles, counter-clockwise seen from outside; None or empty for a point cloud.
     noise : float, optional
         Standard deviation of the noise along the normal, a length, if it is known; 0 for none. By default it is
         estimated.
@@ -240,7 +244,7 @@ def fit_surface(
     Raises
     ------
     InvalidMeshError
-        If the arrays are not a mesh with faces and finite coordinates, or faces are doubled.
+        If the arrays are not a mesh, or no cloud of a surface, with finite coordinates, or faces are doubled.
     InvalidParameterError
         If a parameter is out of range.
     CancelledError
@@ -256,11 +260,12 @@ def fit_surface(
     (array([ 1.162, -0.5  ]), array([0.5, 0.5]))
     """
     exponent = size_exponent(cast("ArrayLike", vertices))  # arrays, see `takes_meshes`
-    mesh = prepare_mesh(triangle_mesh(np.ldexp(real_array(vertices), -exponent) if exponent else vertices, faces))
-    if not mesh.face_count:
-        raise InvalidMeshError("faces: got none; a surface needs a mesh, not a point cloud")
-    _refuse_duplicates(mesh)
+    shape = surface_or_points(np.ldexp(real_array(vertices), -exponent) if exponent else vertices, faces)
     check_noise(noise)
+    mesh = prepare_mesh(shape) if shape.face_count else cloud_surface(shape)
+    if not mesh.face_count:
+        raise InvalidMeshError("vertices: the points of the cloud are too few, or on a line, for a surface")
+    _refuse_duplicates(mesh)
     options = FitOptions(noise=None if noise is None else float(np.ldexp(noise, -exponent)))
     geometry = estimate_vertex_geometry(mesh.vertices, mesh.faces, noise=options.noise, progress=progress)
     edges, is_sharp, _ = find_sharp_edges(mesh, geometry)
@@ -269,6 +274,8 @@ def fit_surface(
     is_cut = is_sharp | (np.bincount(edges.of_faces[edges.of_faces >= 0], minlength=len(is_sharp)) > 2)
     cut = cut_mesh(mesh.vertices, mesh.faces, edges.vertices[is_cut])
     patches = estimate_patches(triangle_mesh(cut.vertices, cut.faces), options, progress)
+    if not shape.face_count:  # noise folds the triangles of a cloud; those on the patches lie along the surface
+        cut = replace(cut, vertices=cut.vertices + patches.displacements)
     return Surface(TriangleMesh(mesh.vertices, mesh.faces), cut, patches, exponent)
 
 
@@ -322,6 +329,49 @@ def _refuse_duplicates(mesh: PreparedMesh) -> None:
             f"faces: {count:,} lie on others with the same three vertices, in either orientation; remove them, as "
             "meshing_remove_duplicate_faces of pymeshlab does"
         )
+
+
+@takes_meshes
+def project(
+    vertices: ArrayLike | MeshLike,
+    faces: ArrayLike | None = None,
+    points: ArrayLike | None = None,
+    *,
+    noise: float | None = None,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> SurfacePoints:
+    """Project the points of a cloud or the vertices of a mesh, or other points, onto the surface of its patches.
+
+    It is `surface_at` with the vertices as points by default.
+
+    Parameters
+    ----------
+    vertices, faces, noise, threads, progress
+        As in `fit_surface`.
+    points : (q, 3) array_like of float, optional
+        Points to project; the vertices by default.
+
+    Returns
+    -------
+    SurfacePoints
+        Its `points` are the projections, `distances` how far the points were from them, a length with a sign.
+
+    Raises
+    ------
+    InvalidMeshError, InvalidParameterError, CancelledError
+        As `surface_at`.
+
+    Examples
+    --------
+    >>> from bezier_filters.surfaces import sphere
+    >>> ball = sphere(radius=2.0)
+    >>> found = project(ball.vertices, None, [[3.0, 1.0, 0.0]])
+    >>> found.distances.round(3), np.linalg.norm(found.points, axis=1).round(3)
+    (array([1.162]), array([2.]))
+    """
+    surface = fit_surface(vertices, faces, noise=noise, threads=threads, progress=progress)
+    return surface.query(cast("ArrayLike", vertices) if points is None else points, threads=threads)
 
 
 def _has_shared_residuals(mesh: PreparedMesh, geometry: VertexGeometry) -> bool:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.meshes.frames import smooth_normals
 from bezier_filters.meshes.half_edges import border_edges
 from bezier_filters.meshes.prepared_mesh import PreparedMesh
 from bezier_filters.noise.outliers import NORMAL_MEDIAN_DEVIATION
@@ -71,6 +72,18 @@ def learn_border_noise(part: MeshPart, sigma: float) -> float:
     distances = np.einsum("ij,ij->i", bends, border.conormals(points, mesh.planes.normals[border.vertices]))[is_known]
     found = np.median(np.abs(distances)) / (NORMAL_MEDIAN_DEVIATION * SECOND_DIFFERENCE_DEVIATION)
     return min(float(found), sigma)
+
+
+def project_border_moves(mesh: PreparedMesh, points: FloatArray) -> FloatArray:
+    """Points (n, 3) of a cloud, whose border points move along the mean normals around them.
+
+    The border is ragged, but not by noise, and has narrow triangles, whose normals are uncertain.
+    """
+    rows, result, at = mesh.adjacency.vertices, points.copy(), mesh.adjacency.on_boundary
+    no_barriers = np.zeros(mesh.vertex_count, dtype=np.bool_)
+    normals = smooth_normals(mesh.move(points).planes.normals, rows.indptr, rows.indices, no_barriers)
+    result[at] = mesh.vertices[at] + _project(points[at] - mesh.vertices[at], normals[at])
+    return result
 
 
 def restrict_borders(mesh: PreparedMesh, points: FloatArray, sigma: float, *, slides: bool) -> FloatArray:

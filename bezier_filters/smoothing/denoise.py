@@ -1,29 +1,38 @@
 """Removes noise from a mesh by a local mixture of smooth and sharp estimates of its surface.
 
-There are several estimates of the surface under the noise, from smooth to sharp (`candidates`). The first is a low-pass
-filter f(L) of the vertices. For edges and corners, a weak low-pass filter is followed by rounds of a bilateral filter
-of the face normals, which does not average over differences that noise cannot explain, and the vertices follow the
-normals. More rounds give sharper estimates. Stein's unbiased risk estimate (see `risk`) decides which estimates are
-used, and with which shares they are mixed around each vertex.
+There are several estimates of the surface under the noise, from smooth to sharp (see `candidates`). Stein's unbiased
+risk estimate (see `risk`) decides which are used, and with which shares they are mixed around each vertex.
 
 The global parameters are learned from parts of a mesh (`learn_and_denoise`) and then applied to all of it, or tile by
 tile (`denoise`). A mesh that is not large is its own sample, and learning already gives the result.
 """
 
-from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
-from bezier_filters.arrays import FloatArray, IntArray, SingleArray
+from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.fitting.fallbacks import MAX_EXTRA_RINGS
 from bezier_filters.fitting.noise_level import MIN_ROUNDING_PER_EDGE, learn_noise_at
 from bezier_filters.meshes.prepared_mesh import PreparedMesh
 from bezier_filters.noise.noise_model import NoiseModel
 from bezier_filters.noise.rounding import Rounding
 from bezier_filters.runtime.parallel import Progress, report
 from bezier_filters.sampling.mesh_parts import MAX_WHOLE_VERTICES, MeshPart, sample_parts, whole_mesh
-from bezier_filters.smoothing.borders import learn_border_noise, restrict_borders
+from bezier_filters.smoothing.borders import learn_border_noise, project_border_moves, restrict_borders
+from bezier_filters.smoothing.candidates import (
+    BILATERAL_ROUNDS,
+    ESTIMATE_KINDS,
+    KIND_SHARPNESS,
+    LOW_PASS_KIND,
+    PATCH_KIND,
+    PROGRESS_STEPS,
+    WEAK_BILATERAL_KIND,
+    Candidate,
+    candidates,
+    learn_patches,
+    patch_candidate,
+)
 from bezier_filters.smoothing.chebyshev import DEFAULT_ORDER
 from bezier_filters.smoothing.clusters import Clusters, clusters_of
 from bezier_filters.smoothing.laplacian import Borders, umbrella_laplacian
@@ -49,8 +58,8 @@ from bezier_filters.smoothing.noise import (
     roughness,
     rounding_levels,
 )
-from bezier_filters.smoothing.normal_filter import NoisyNormals, filter_normals, move_to_normals, noisy_normals
-from bezier_filters.smoothing.random_noise import PROBE_SIGN_COLUMN, Correlation
+from bezier_filters.smoothing.patch_estimates import EDGE_RINGS, PatchPlan
+from bezier_filters.smoothing.random_noise import Correlation
 from bezier_filters.smoothing.risk import (
     Estimates,
     local_risks,
@@ -62,14 +71,6 @@ from bezier_filters.smoothing.risk import (
 from bezier_filters.smoothing.rounding_errors import SURFACE_STRENGTH, project_on_rounding, rounding_errors
 from bezier_filters.smoothing.sliding import TangentialMotion, choose_sliding, restrict_to_normals
 
-# kinds of estimates: the low-pass filter; one bilateral round after a slightly weaker low-pass filter; sharp ones
-LOW_PASS_KIND, WEAK_BILATERAL_KIND = 0, 1
-BILATERAL_ROUNDS = (0, 1, 2, 5, 16)  # rounds of `filter_normals` by kind; sharp kinds start from a much weaker filter
-KIND_SHARPNESS = (0.0, 0.0, 0.33, 0.67, 1.0)  # reported sharpness by kind
-ESTIMATE_KINDS = range(len(BILATERAL_ROUNDS))
-WEAK_BILATERAL_TOLERANCE, SHARP_BILATERAL_TOLERANCE = 3.2, 1.65  # tolerances of `filter_normals`
-PROBE_SIGMAS = 0.1  # displacement of the probe that measures leverages, over sigma
-NOISE_PAIR_BUDGET = 30_000  # vertices times pairs of noise samples that pass through the normal filter
 MIN_RISK_GAIN = 1e-3  # mean decrease of the risk, over sigma^2, by another estimate
 MIN_RETAINED_GAIN = 3e-4  # the same for estimates that sharper ones may have replaced
 # Rings around a tile: those in which a low-pass filter decays by exp(-7.5), those over which risks are averaged (see
@@ -77,7 +78,6 @@ MIN_RETAINED_GAIN = 3e-4  # the same for estimates that sharper ones may have re
 FADING_EXPONENT, AVERAGING_RINGS, RINGS_PER_ROUND = 7.5, 14, 1.25
 FIRST_SHARP_KIND = WEAK_BILATERAL_KIND + 1  # kinds up to this are tried without a gain: strong noise needs more rounds
 WEAKER_STEPS = 4  # by which filters between projections are weaker; with 3 or 5 masks keep 1.02 or 1.00 times as much
-PROGRESS_STEPS = 6  # steps that `progress` reports
 
 
 @dataclass(frozen=True)
@@ -90,16 +90,9 @@ class SmoothingOptions:
     sigma: float | None = None  # known standard deviation of the noise along the normal, a length
     # whether what remains of noise in all directions is removed again: it makes faces flatter and sharp edges rounder
     repeats: bool = True
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """An estimate of the surface."""
-
-    kind: int  # index of `BILATERAL_ROUNDS`
-    moves: SingleArray  # (n, 3): displacements of the vertices
-    residuals: SingleArray  # (n,): heights of the measured vertices over it, in standard deviations of the noise
-    leverages: SingleArray  # (n,): derivatives of the estimate by its own vertex
+    # whether the faces are those of a point cloud: vertices then stay where they are along the surface, and their
+    # patches are an estimate, too
+    is_cloud: bool = False
 
 
 @dataclass(frozen=True)
@@ -117,6 +110,8 @@ class SmoothingPlan:
     sliding: TangentialMotion
     # standard deviation of the noise across the border, a length; None if its moves are not restricted
     border_sigma: float | None
+    is_cloud: bool = False  # see `SmoothingOptions`
+    patches: PatchPlan | None = None  # the patches, if they are one of the estimates
 
 
 @dataclass(frozen=True)
@@ -206,19 +201,44 @@ def learn_and_denoise(
             found, factor, risks = tried, tried_factor, these
         elif candidate.kind > FIRST_SHARP_KIND:
             break
+    patches = None
+    if options.is_cloud and not (is_bounded or options.relax or noise.rounding):  # patches do not slide
+        base = found[int(overall_risks(_stack_estimates(noisy, found, factor), parts.core).argmin())]
+        patches = learn_patches(noisy, base, sigma)
+    if patches is not None:
+        tried = [*found, patch_candidate(noisy, found, patches)]
+        factor = noise_factor(_stack_estimates(noisy, tried), parts.core)
+        estimates = _stack_estimates(noisy, tried, factor)
+        these = local_risks(
+            clusters, estimates, overall_risks(estimates, parts.core), noisy.correlation.variance_inflation
+        )
+        if mean_gain(clusters, these, -1) > MIN_RISK_GAIN:
+            found, risks = tried, these
+        else:
+            patches, factor = None, noise_factor(_stack_estimates(noisy, found), parts.core)
     # Estimates that were better than weaker ones may not be better than sharper ones.
-    found = [found[k] for k in select_estimates(clusters, risks, MIN_RETAINED_GAIN)]
+    kept = set(select_estimates(clusters, risks, MIN_RETAINED_GAIN))
+    if patches is not None and len(found) - 1 in kept:
+        kept.add(next(k for k, candidate in enumerate(found) if candidate.kind == patches.base))
+    found = [found[k] for k in sorted(kept)]
+    if found[-1].kind != PATCH_KIND:
+        patches = None
     overall = overall_risks(_stack_estimates(noisy, found, factor), parts.core)
     kinds = tuple(candidate.kind for candidate in found)
     result = _mixture(parts.mesh, noisy, found, factor, overall, scale)
     if noise.rounding is not None:
         result = _project_on_rounding(parts, result, filters, noise.rounding, center, scale)
     sliding = TangentialMotion.ALL
-    if not options.relax:
+    if options.is_cloud:
+        sliding = TangentialMotion.ALL if options.relax else TangentialMotion.NONE
+    elif not options.relax:
         sliding = choose_sliding(parts, result.points, noisy.sigma / scale)
     # where noise turns faces over, normals of the border are unknown
-    across = None if noise.heavy else learn_border_noise(parts, noise.sigma)
-    plan = SmoothingPlan(center, scale, clusters.time_scale, levels, low_pass, kinds, factor, overall, sliding, across)
+    across = None if noise.heavy or options.is_cloud else learn_border_noise(parts, noise.sigma)
+    time_scale = clusters.time_scale
+    plan = SmoothingPlan(
+        center, scale, time_scale, levels, low_pass, kinds, factor, overall, sliding, across, options.is_cloud, patches
+    )
     report(progress, PROGRESS_STEPS, PROGRESS_STEPS)
     return plan, _restrict(parts, result, plan)
 
@@ -239,6 +259,8 @@ def denoise(
     estimates = candidates(noisy, filters, plan.kinds, progress=progress)
     del filters  # for large meshes, memory counts
     found = list(estimates)
+    if plan.patches is not None:
+        found.append(patch_candidate(noisy, found, plan.patches))
     result = _mixture(part.mesh, noisy, found, plan.noise_factor, plan.overall, plan.scale)
     if rounding is not None and kept is not None:
         result = _project_on_rounding(part, result, kept, rounding, plan.center, plan.scale)
@@ -269,10 +291,12 @@ def halo_rings(plan: SmoothingPlan | None) -> int:
 
     strongest = filters.strengths.max()
     rings = fading(strongest, filters.order)
+    patch_rings = 0 if plan.patches is None else plan.patches.fit.choice.rings + MAX_EXTRA_RINGS + EDGE_RINGS
+    of_normals = RINGS_PER_ROUND * max(BILATERAL_ROUNDS[kind] for kind in plan.kinds if kind != PATCH_KIND)
     if plan.noise.rounding is not None:
         weaker = strongest * FILTER_STRENGTHS[1] / FILTER_STRENGTHS[1 + WEAKER_STEPS]
         rings += fading(SURFACE_STRENGTH, DEFAULT_ORDER) + fading(weaker, filters.order)
-    return int(np.ceil(FADING_EXPONENT * rings + AVERAGING_RINGS + RINGS_PER_ROUND * BILATERAL_ROUNDS[max(plan.kinds)]))
+    return int(np.ceil(FADING_EXPONENT * rings + AVERAGING_RINGS + of_normals + patch_rings))
 
 
 def _normalise(part: MeshPart, center: FloatArray, scale: float) -> MeshPart:
@@ -284,7 +308,9 @@ def _restrict(part: MeshPart, found: DenoisedMesh, plan: SmoothingPlan) -> Denoi
     sliding = plan.sliding
     noise = np.where(small_component_mask(part), 0.0, found.noise)
     points = restrict_to_normals(part.mesh, found.points, sliding)
-    if plan.border_sigma is not None:
+    if plan.is_cloud:
+        points = points if sliding == TangentialMotion.ALL else project_border_moves(part.mesh, points)
+    elif plan.border_sigma is not None:
         points = restrict_borders(part.mesh, points, plan.border_sigma, slides=sliding == TangentialMotion.ALL)
     return replace(found, points=limit_moves(part.mesh.vertices, points, MAX_MOVE_SIGMAS * noise), noise=noise)
 
@@ -308,94 +334,3 @@ def _mixture(
         points += shares[:, [k]] * (candidate.moves / np.float64(scale))  # a scale that may exceed single precision
     sharpness = np.einsum("ns,s->n", shares, np.array([KIND_SHARPNESS[candidate.kind] for candidate in found]))
     return DenoisedMesh(points, sharpness, noisy.sigma / scale)
-
-
-def candidates(
-    noisy: NoisyMesh, filters: LowPass, kinds: Collection[int], *, progress: Progress | None = None
-) -> Iterator[Candidate]:
-    """Estimates of the given kinds in ascending sharpness; the first is the low-pass filter.
-
-    All others start with a weaker low-pass filter.
-    """
-    part = noisy.part
-    report(progress, 2, PROGRESS_STEPS)
-    signs = noisy.probes(1, first=PROBE_SIGN_COLUMN)[:, 0]
-    squares = noisy.mean_squares(signs[:, np.newaxis])
-    filtered = filters.apply(np.column_stack([part.mesh.vertices, signs]))
-    leverages = (signs * filtered[:, 3] / squares).astype(np.float32)
-    yield Candidate(LOW_PASS_KIND, _moves(part.mesh, filtered[:, :3]), filters.residuals, leverages)
-    del filtered, leverages  # for large meshes, memory counts
-    sharp = {kind: BILATERAL_ROUNDS[kind] for kind in ESTIMATE_KINDS[WEAK_BILATERAL_KIND + 1 :] if kind in kinds}
-    if WEAK_BILATERAL_KIND in kinds:
-        # `pop` passes on the only reference, so that the memory is freed early
-        prefiltered = [_prefilter(noisy, filters.next_weaker(), signs)]
-        yield from _sharp_candidates(
-            noisy, prefiltered.pop(), squares, {WEAK_BILATERAL_KIND: 1}, WEAK_BILATERAL_TOLERANCE, progress
-        )
-    if sharp:
-        weak = filters.prefilter(umbrella_laplacian(part, filters.borders))
-        prefiltered = [_prefilter(noisy, weak, signs)]
-        del filters, weak
-        yield from _sharp_candidates(noisy, prefiltered.pop(), squares, sharp, SHARP_BILATERAL_TOLERANCE, progress)
-
-
-class _Prefiltered(NamedTuple):
-    """Start of the sharp estimates: a mesh after a low-pass filter."""
-
-    normals: SingleArray  # (n, 3): normals of a smooth surface, along which noise is measured
-    signs: SingleArray  # (n,): signs of the probe
-    start: SingleArray  # (n, 3): displacements by the low-pass filter
-    probe: SingleArray  # (n, 3): displacements of the probe, a second mesh that measures the leverages
-    state: NoisyNormals
-
-
-def _prefilter(noisy: NoisyMesh, filters: LowPass, signs: SingleArray) -> _Prefiltered:
-    """Filter the mesh, the probe and samples of the noise."""
-    mesh, normals = noisy.part.mesh, filters.normals
-    start = _moves(mesh, filters.apply(mesh.vertices))
-    heights = noisy.samples(2 * int(np.clip(np.round(NOISE_PAIR_BUDGET / noisy.part.vertex_count), 1, 3)))
-    heights[:, 0] = signs
-    heights *= noisy.sigma.astype(np.float32)[:, np.newaxis]
-    samples: SingleArray = heights[:, :, np.newaxis] * normals[:, np.newaxis]
-    samples = filters.apply(samples.reshape(len(samples), -1)).reshape(samples.shape)
-    probe = np.float32(PROBE_SIGMAS) * samples[:, 0]
-    state = noisy_normals(_move(mesh, start), _move(mesh, start + probe), samples)
-    return _Prefiltered(normals, signs, start, probe, state)
-
-
-def _sharp_candidates(
-    noisy: NoisyMesh,
-    prefiltered: _Prefiltered,
-    squares: SingleArray,
-    rounds: dict[int, int],
-    tolerance: float,
-    progress: Progress | None,
-) -> Iterator[Candidate]:
-    """Estimates by kind, whose vertices follow normals after the given rounds of the bilateral filter."""
-    mesh, sigma = noisy.part.mesh, noisy.sigma
-    normals, signs, start, probe, state = prefiltered
-    del prefiltered
-    movable, done = ~mesh.adjacency.on_boundary, 0  # border vertices stay
-    for kind, total in rounds.items():
-        state = filter_normals(state, total - done, tolerance)
-        done = total
-        moves, probed = (
-            first + move_to_normals(_move(mesh, first), goal, movable)
-            for first, goal in ((start, state.normals), (start + probe, state.probed_normals))
-        )
-        residuals = (-np.einsum("ij,ij->i", moves, normals) / noisy.scale).astype(np.float32)
-        probed -= moves
-        leverages = np.einsum("ij,ij->i", probed, normals) * signs * sigma / (PROBE_SIGMAS * noisy.scale**2 * squares)
-        del probed
-        leverages = leverages.astype(np.float32)
-        report(progress, min(2 + kind, PROGRESS_STEPS - 1), PROGRESS_STEPS)
-        yield Candidate(kind, moves, residuals, leverages)
-
-
-def _moves(mesh: PreparedMesh, vertices: FloatArray) -> SingleArray:
-    """Displacements of vertices from their measured positions."""
-    return (vertices - mesh.vertices).astype(np.float32)
-
-
-def _move(mesh: PreparedMesh, moves: SingleArray) -> PreparedMesh:
-    return mesh.move(mesh.vertices + moves)

@@ -35,6 +35,7 @@ MAX_SLIDING_FRACTION = 0.05  # fraction of vertices at narrow faces above which 
 class TangentialMotion(IntEnum):
     """Which vertices slide."""
 
+    NONE = -1  # of a point cloud
     FLIPPED = 0  # vertices of faces that would flip otherwise
     NARROW = 1  # vertices of faces that would be narrow otherwise, too
     ALL = 2
@@ -62,6 +63,8 @@ def restrict_to_normals(mesh: PreparedMesh, points: FloatArray, sliding: Tangent
     if sliding == TangentialMotion.ALL:
         return points.copy()
     held = _project_on_normals(mesh, points)
+    if sliding == TangentialMotion.NONE:
+        return held
     slides = _sliding_fractions(mesh, points, held, NARROW_HEIGHT_RATIO if sliding == TangentialMotion.NARROW else 0.0)
     return _slide(held, points, slides)
 

@@ -11,11 +11,12 @@ from bezier_filters.display import noise_in_words, noise_level
 from bezier_filters.errors import InvalidParameterError, is_integer
 from bezier_filters.field_arrays import result_arrays, split_vectors
 from bezier_filters.fields import AXES, SMOOTH
+from bezier_filters.fitting.cloud_triangulation import cloud_surface
 from bezier_filters.fitting.fallbacks import fit_patches
 from bezier_filters.fitting.first_call import first_call
 from bezier_filters.fitting.noise_level import explain_unknown_noise, learn_mesh_noise
 from bezier_filters.meshes.half_edges import non_manifold_edge_vertices
-from bezier_filters.meshes.mesh import check_selection, takes_meshes, triangle_mesh
+from bezier_filters.meshes.mesh import check_selection, surface_or_points, takes_meshes
 from bezier_filters.meshes.mesh_objects import MeshLike
 from bezier_filters.meshes.prepared_mesh import PreparedMesh, longest_edges, prepare_mesh
 from bezier_filters.meshes.spatial_order import ensure_locality
@@ -214,12 +215,16 @@ def smooth(
     Where an edge has more than two faces, or two that disagree, there is no such patch, and its ends stay; so does a
     vertex whose patch is farther away than its neighbours.
 
+    Without faces the vertices are a point cloud, which is smoothed as a mesh of triangles between its points (see
+    `bezier_filters.fitting.cloud_triangulation`), and the patches are one of the estimates of its surface. Points move
+    along the normals, so that the density stays; nothing is said of volumes and faces.
+
     Parameters
     ----------
     vertices : (n, 3) array_like of float, or mesh object
         Coordinates; or a mesh of another library, see `mesh_arrays`, and no faces.
-    faces : (m, 3) array_like of int
-        Triangles, counter-clockwise seen from outside.
+    faces : (m, 3) array_like of int, optional
+        Triangles, counter-clockwise seen from outside; None or empty for a point cloud.
     method : {"auto", "paper"}
         How to smooth.
     iterations : int
@@ -240,8 +245,9 @@ def smooth(
         excluded, and where a stronger one would be best, filters of the normals, too, which keep edges. For ``"auto"``
         only.
     relax : bool
-        Whether all vertices slide along the surface, which makes the triangles more regular. By default they move along
-        the normals, and slide only where noise in all directions has made triangles narrow. For ``"auto"`` only.
+        Whether all vertices slide along the surface, which makes the triangles, or the gaps of a cloud, more regular.
+        By default they move along the normals, and slide only where noise in all directions has made triangles narrow.
+        For ``"auto"`` only.
     rings, alpha : int, float, optional
         Neighbourhood, 2 by default, and weight of the points, in (0, 1], by default 0.8, for ``"paper"`` only.
     selected : (n,) bool, optional
@@ -277,12 +283,16 @@ def smooth(
     >>> bool(error.std() < 0.2 * noise.std()), round(result.volume_ratio, 6)
     (True, 1.0)
     """
-    given = prepare_mesh(triangle_mesh(vertices, faces))
+    shape = surface_or_points(vertices, faces)
+    is_cloud = not shape.face_count
+    if is_cloud and keep_volume:
+        raise InvalidParameterError("keep_volume: got True, but a point cloud, without faces, has no volume")
     check_smoothing(method, iterations, noise, borders, detail, relax, rings, alpha)
     paper = FitOptions("auto" if rings is None else rings, "auto" if alpha is None else alpha, smoothness="paper")
     paper.check()
     ring_count, fit = cast("int", paper.ring_count), cast("PatchFit", paper.patch)
-    ordered = ensure_locality(given)
+    with first_call():
+        ordered = ensure_locality(cloud_surface(shape) if is_cloud else prepare_mesh(shape))
     mesh = prepare_mesh(ordered.mesh)
     n = mesh.vertex_count
     movable = np.ones(n, dtype=np.bool_) if selected is None else check_selection(selected, n)[ordered.order]
@@ -296,7 +306,7 @@ def smooth(
             part = iteration_progress(progress, k, iterations)
             if method == "auto":
                 here = known if k == 0 else learn_mesh_noise(current)
-                options = SmoothingOptions(borders, detail, relax, noise if k == 0 else None)
+                options = SmoothingOptions(borders, detail, relax, noise if k == 0 else None, is_cloud=is_cloud)
                 found = denoise_mesh(current, here, options, progress=part)
                 points, sharpness = found.points, np.maximum(sharpness, found.sharpness)
                 sigma = np.hypot(sigma, found.noise)
@@ -312,12 +322,12 @@ def smooth(
         )
         components, without = ClosedComponents.locate(mesh), omit_outliers(mesh, points)
         volumes_before = component_volumes(components, without)
-        keeps_volume = components.count and (keep_volume or (keep_volume is None and method == "auto"))
+        keeps_volume = components.count and not is_cloud and (keep_volume or (keep_volume is None and method == "auto"))
         if keeps_volume:
             amounts = local_movement(without, points) * movable
             points = restore_volumes(components, mesh.move(points), volumes_before, amounts)
         new_intersecting = 0
-        if method == "auto":
+        if method == "auto" and not is_cloud:
             points, new_intersecting = reduce_intersections(mesh, repair_flipped_faces(mesh, points))
         if keeps_volume:
             unlike = volume_not_restored(components, without, mesh.move(points), known.sigma if known else 0.0)
@@ -325,7 +335,8 @@ def smooth(
         smoothed = mesh.move(points)
         volumes_after = component_volumes(components, smoothed)
         left = learn_mesh_noise(smoothed)
-        bad_before, bad_after = (bad_faces(one) for one in (mesh, smoothed))
+        bad_before, bad_after = (bad_faces(prepare_mesh(shape) if is_cloud else one) for one in (mesh, smoothed))
+        has_volume = components.count and not is_cloud
         return SmoothingResult(
             vertices=ordered.restore_order(points),
             displacement=ordered.restore_order(np.linalg.norm(points - mesh.vertices, axis=1)),
@@ -339,8 +350,8 @@ def smooth(
             noise_reason="" if known is not None else explain_unknown_noise(mesh),
             iterations=done,
             mean_edge=mesh.mean_edge,
-            volume_before=float(volumes_before.sum()) if components.count else None,
-            volume_after=float(volumes_after.sum()) if components.count else None,
+            volume_before=float(volumes_before.sum()) if has_volume else None,
+            volume_after=float(volumes_after.sum()) if has_volume else None,
             flipped_before=int(bad_before.flipped.sum()),
             flipped_after=int(bad_after.flipped.sum()),
             degenerate_before=int(bad_before.degenerate.sum()),

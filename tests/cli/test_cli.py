@@ -429,7 +429,7 @@ def test_messages_name_the_options_of_the_shell(tmp_path):
         assert run(*arguments, option, "-1").stderr.startswith(f"bezier-filters: {option}: got -1.0")
     points = tmp_path / "points.ply"
     save(points, sphere(resolution=4).vertices, np.empty((0, 3), int))
-    assert run("smooth", points, tmp_path / "w.ply").stderr.startswith("bezier-filters: the mesh has no faces")
+    assert run("fill-holes", points, tmp_path / "w.ply").stderr.startswith("bezier-filters: the mesh has no faces")
 
 
 def test_smoothing_says_why_nothing_moved(tmp_path):

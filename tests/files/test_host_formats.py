@@ -230,8 +230,8 @@ def test_points_of_text_are_read(tmp_path, text, fields):
 
 
 def test_what_is_not_read_is_named(tmp_path):
-    (tmp_path / "points.csv").write_text("x,y,z,intensity\n0,0,0,7\n", encoding="utf-8")
-    with pytest.warns(MeshFileNote, match=r"points.csv: columns that were not read: intensity"):
+    (tmp_path / "points.csv").write_text("x,y,z,height\n0,0,0,7\n", encoding="utf-8")
+    with pytest.warns(MeshFileNote, match=r"points.csv: columns that were not read: height"):
         bf.load_mesh(tmp_path / "points.csv")
 
 
@@ -242,11 +242,14 @@ def test_points_of_laser_scans_are_read(tmp_path, point_format):
     header.offsets, header.scales = [500_000.0, 4_500_000.0, 0.0], [0.001] * 3
     las = laspy.LasData(header)
     las.xyz = SHAPE.vertices + header.offsets
+    las.intensity = np.arange(len(SHAPE.vertices))
     if point_format == 2:
         las.red, las.green, las.blue = (np.full(len(SHAPE.vertices), 257 * k, np.uint16) for k in (200, 100, 0))
     las.write(tmp_path / "scan.las")
     ms = bf.load_mesh(tmp_path / "scan.las")
     np.testing.assert_allclose(ms.current_mesh().vertex_matrix() - header.offsets, SHAPE.vertices, atol=5.1e-4)
+    found = ms.current_mesh().vertex_custom_scalar_attribute_array("bz_intensity")
+    np.testing.assert_array_equal(found, np.arange(len(SHAPE.vertices)))
     if point_format == 2:
         np.testing.assert_array_equal(np.rint(255 * ms.current_mesh().vertex_color_matrix()[0]), [200, 100, 0, 255])
 
