@@ -19,7 +19,7 @@ from bezier_filters.fitting.vertex_geometry import VertexGeometry
 from bezier_filters.kernels.kernel_input import PATCH_DEGREE, PATCH_ORIGIN, PATCH_SQUARE
 from bezier_filters.meshes.box_tree import BoxTree, morton_order
 from bezier_filters.meshes.half_edges import distinct_edges, half_edge_twins
-from bezier_filters.meshes.mesh import TriangleMesh, surface_or_points, takes_meshes
+from bezier_filters.meshes.mesh import TriangleMesh, surface_or_points, takes_meshes, triangle_mesh
 from bezier_filters.meshes.mesh_objects import MeshLike
 from bezier_filters.meshes.prepared_mesh import PreparedMesh, prepare_mesh
 from bezier_filters.meshes.unit_size import CURVATURE, LENGTH, SQUARED_CURVATURE, rescale, size_exponent

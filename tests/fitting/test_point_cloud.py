@@ -108,6 +108,38 @@ def test_scan_lines(spacing):
     np.testing.assert_allclose(geometry.mean_curvature[inner], 1.0, atol=1e-3)
 
 
+def test_lines_twenty_steps_apart():
+    """The twenty nearest of a point lie on its own line."""
+    rng = np.random.default_rng(4)
+    x, y = np.meshgrid(np.linspace(-1.0, 1.0, 401), np.linspace(-1.0, 1.0, 21))
+    x = x + 0.005 * rng.random((21, 1))
+    points = np.stack([x, y, 0.1 * np.sin(2.0 * x) * np.cos(2.0 * y)], axis=-1).reshape(-1, 3)
+    slopes = -0.2 * np.stack([np.cos(2 * x) * np.cos(2 * y), -np.sin(2 * x) * np.sin(2 * y), -5.0 + 0.0 * x], axis=-1)
+    truth = slopes.reshape(-1, 3) / np.linalg.norm(slopes, axis=2).reshape(-1, 1)
+    geometry = estimate_vertex_geometry(points, None)
+    inner = np.abs(points[:, :2]).max(axis=1) < 0.7
+    cosines = dots(geometry.normals, truth)
+    assert (cosines > 0.0).mean() > 0.999
+    assert np.degrees(np.arccos(np.clip(cosines[inner], -1.0, 1.0))).max() < 1.0
+
+
+def test_sheets_one_spacing_apart_with_normals_are_as_exact_as_each_alone():
+    sheet = waves(resolution=30, jitter=0.3)
+    points = np.vstack([sheet.vertices, sheet.vertices - [0.0, 0.0, 2.0 / 30.0]])
+    normals = np.vstack([sheet.normals, -sheet.normals])
+    both = estimate_vertex_geometry(points, None, normals=normals, rings=3)
+    alone = estimate_vertex_geometry(sheet.vertices, None, normals=sheet.normals, rings=3)
+    apart = np.linalg.norm(both.normals[: len(sheet.vertices)] - alone.normals, axis=1)
+    assert np.median(apart) < 1e-4
+    assert (dots(both.normals, normals) > 0.99).all()
+
+
+def test_a_curve_has_no_normals():
+    t = np.linspace(0.0, 1.0, 2000)
+    geometry = estimate_vertex_geometry(np.column_stack([t, 0.01 * t**2, 0.0 * t]), None)
+    assert (geometry.status == FitStatus.ISOLATED).all()
+
+
 def test_random_points():
     points = points_on_sphere(3000)
     geometry = estimate_vertex_geometry(points, None)
