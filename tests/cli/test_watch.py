@@ -9,6 +9,8 @@ import pytest
 
 from bezier_filters.files.field_files import read_fields
 
+pytestmark = pytest.mark.slow
+
 SAMPLES = Path(__file__).parents[2] / "sample_meshes"
 WATCH = [sys.executable, "-u", "-m", "bezier_filters", "watch"]
 

@@ -7,6 +7,8 @@ import numpy as np
 import pymeshlab
 import pytest
 
+pytestmark = pytest.mark.slow
+
 EXAMPLES = sorted(path.stem for path in (Path(__file__).parents[2] / "examples").glob("ex*.py"))
 
 

@@ -29,6 +29,8 @@ from bezier_filters import estimate_vertex_geometry, fill_holes, smooth, surface
 from bezier_filters.meshlab.meshset import bunny_path
 from cut_holes import compact, cut
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 RESULTS = ROOT / "benchmarks" / "results"
 DENOISING = ROOT.parent / "shared" / "cases" / "denoising"

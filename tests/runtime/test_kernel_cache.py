@@ -13,6 +13,8 @@ import pytest
 from bezier_filters.runtime.kernel_folders import MAX_KEPT_FOLDERS
 from bezier_filters.runtime.kernel_key import PACKAGE, kernel_sources, sources_key
 
+pytestmark = pytest.mark.slow
+
 CALLER = """
 from bezier_filters.runtime.called import value
 from bezier_filters.runtime.jit import jit

@@ -11,7 +11,7 @@ import pytest
 
 from bezier_filters.runtime.process_end import GRACE_SECONDS, REPEAT_SECONDS
 
-pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals")
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(os.name != "posix", reason="signals")]
 
 # Compiled code that runs for a minute, while the interpreter is free for other threads, or is not.
 LONG = {

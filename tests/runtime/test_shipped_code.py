@@ -26,10 +26,13 @@ def without_vectors():
 llvmlite.binding.get_host_cpu_features = without_vectors
 """
 
-pytestmark = pytest.mark.skipif(
-    generic_processor() is None or not has_features(generic_processor()),
-    reason="wheels have no code for this processor",
-)
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(
+        generic_processor() is None or not has_features(generic_processor()),
+        reason="wheels have no code for this processor",
+    ),
+]
 
 
 def run(folder, first="", **variables):

@@ -23,6 +23,8 @@ from bezier_filters.scale.source import open_source
 from bezier_filters.scale.tiles import DamagedTileError, TileReport, open_tile, report_path, tile_path, write_tile
 from bezier_filters.surfaces import bumpy_star
 
+pytestmark = pytest.mark.slow
+
 TILES = 9
 OPTIONS = {"scheduler": "synchronous", "workers": 1, "tile_vertices": 256}
 GIVEN = {"rings": 2, "alpha": 0.8}  # where it does not matter how fits are chosen

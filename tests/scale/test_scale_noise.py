@@ -12,7 +12,7 @@ from bezier_filters.scale import estimate_file, smooth_file
 from bezier_filters.scale.source import open_source
 from bezier_filters.surfaces import bumpy_star, ellipsoid
 
-pytestmark = pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")]
 
 HOW = {"scheduler": "synchronous", "workers": 1}
 

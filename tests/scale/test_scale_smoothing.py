@@ -33,6 +33,8 @@ from bezier_filters.scale.tiles import TileReport, open_tile, tile_path, write_t
 from bezier_filters.smoothing.volume import ClosedComponents
 from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, sphere, torus, waves
 
+pytestmark = pytest.mark.slow
+
 compiled = pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")
 HOW = {"scheduler": "synchronous", "workers": 1}
 

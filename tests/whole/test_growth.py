@@ -17,6 +17,8 @@ from bezier_filters.meshes.prepared_mesh import prepare_mesh
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 from growth import fan, islands, ring, soup, strip, touching_holes, wavy_ring
 
+pytestmark = pytest.mark.slow
+
 MOST = 24.0
 """Eight times the size may take three times as long for each; all pairs would take 64 times as long."""
 

@@ -17,6 +17,8 @@ from baselines import ouyang_feng_normals
 from bezier_filters import estimate_vertex_geometry, fill_holes, smooth
 from bezier_filters.meshlab.scripts import FILTERS
 
+pytestmark = pytest.mark.slow
+
 FUNCTIONS = {
     "estimate": estimate_vertex_geometry,
     "robust": lambda v, f, **options: estimate_vertex_geometry(v, f, robust=True, **options),
