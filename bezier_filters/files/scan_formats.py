@@ -29,6 +29,12 @@ _PCD_WORDS = ("FIELDS", "SIZE", "TYPE", "POINTS", "DATA")
 _LZF_LITERALS = 32  # control bytes below this are lengths of literal bytes, less 1; others refer to earlier bytes
 
 
+def has_only_coordinates(path: Path) -> bool:
+    """Whether the first row of an XYZ or PTS file is three numbers; pymeshlab reads such files."""
+    words = next((words for words in map(str.split, _text_lines(path)) if len(words) > 1), [])
+    return len(words) == len(AXES) and header_names(" ".join(words)) is None
+
+
 def read_xyz(path: Path) -> MeshData:
     """Read rows of numbers, after a header with names, comments or a number of points, or after none."""
     lines, names = _text_lines(path), tuple[str, ...]()
@@ -47,7 +53,21 @@ def read_xyz(path: Path) -> MeshData:
 
 def read_pts(path: Path) -> MeshData:
     """Read the scans of a PTS file: a number of points before the rows x y z, intensity and colours of each."""
-    return _cloud_of_rows(path, _table(path, (line for line in _text_lines(path) if len(line.split()) > 1)))
+    announced = list[int]()
+
+    def rows_of_points() -> Iterator[str]:
+        for line in _text_lines(path):
+            if line.isdigit():
+                announced.append(int(line))
+            else:
+                yield line
+
+    rows = _table(path, rows_of_points())
+    if announced and sum(announced) != len(rows):
+        raise FieldFileError(
+            f"{path} is cut short or damaged: it announces {sum(announced)} points, but holds {len(rows)}"
+        )
+    return _cloud_of_rows(path, rows)
 
 
 def read_ptx(path: Path) -> MeshData:

@@ -64,10 +64,10 @@ def triangulate_cloud(points: FloatArray, adjacency: Adjacency, normals: FloatAr
 
     >>> from bezier_filters.fitting.point_cloud import point_cloud
     >>> from bezier_filters.meshes.mesh import triangle_mesh
-    >>> square = triangle_mesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [])
-    >>> adjacency, planes = point_cloud(square)
-    >>> triangulate_cloud(square.vertices, adjacency, planes.normals).tolist()
-    [[0, 1, 2], [0, 2, 3]]
+    >>> kite = triangle_mesh([[0, 0, 0], [1, 0, 0], [2, 2, 0], [0, 1, 0]], [])
+    >>> adjacency, planes = point_cloud(kite)
+    >>> triangulate_cloud(kite.vertices, adjacency, planes.normals).tolist()
+    [[0, 1, 3], [1, 2, 3]]
     """
     rows, n = adjacency.vertices, len(points)
     stars = np.full((len(rows.indices), 3), -1, dtype=np.int32)

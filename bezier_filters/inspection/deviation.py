@@ -20,7 +20,7 @@ from bezier_filters.inspection.deviating_regions import DeviatingRegion, find_de
 from bezier_filters.inspection.deviation_status import DeviationStatus
 from bezier_filters.inspection.regional_means import mean_variance, regional_means, ring_of_size
 from bezier_filters.meshes.adjacency import edge_lengths, vertex_adjacency
-from bezier_filters.meshes.mesh import TriangleMesh, check_selection, surface_or_points, takes_meshes
+from bezier_filters.meshes.mesh import TriangleMesh, check_has_faces, check_selection, surface_or_points, takes_meshes
 from bezier_filters.meshes.mesh_objects import MeshLike
 from bezier_filters.meshes.unit_size import LENGTH
 from bezier_filters.patch_surface.projection import AT_BORDER, NO_PLACE, NOT_CONVERGED, ON_FACE
@@ -296,7 +296,9 @@ def compare(
             raise InvalidParameterError("reference_faces, reference_noise: a surface as the reference has its own")
         reference = reference_vertices
     else:
-        reference = fit_surface(reference_vertices, reference_faces, noise=reference_noise, progress=progress)
+        model = surface_or_points(reference_vertices, reference_faces)
+        check_has_faces(model.faces)
+        reference = fit_surface(model.vertices, model.faces, noise=reference_noise, progress=progress)
     test = _fit_test(mesh, points=measured == "points" or not mesh.face_count, noise=noise, progress=progress)
     found = reference.query(test.positions, progress=progress)
     status = _status(test, found, selected, np.inf if max_distance is None else max_distance)

@@ -12,7 +12,7 @@ from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError, is_integer
 from bezier_filters.inspection.gauss_bonnet import euler_characteristic_and_turning
 from bezier_filters.inspection.quadrature import QuadraturePoints, quadrature_points
-from bezier_filters.meshes.mesh import takes_meshes
+from bezier_filters.meshes.mesh import check_has_faces, takes_meshes
 from bezier_filters.meshes.mesh_objects import MeshLike
 from bezier_filters.meshes.unit_size import AREA, LENGTH, VOLUME
 from bezier_filters.patch_surface.surface import Surface, fit_surface
@@ -203,6 +203,7 @@ def measure(
         raise InvalidParameterError(f"seed: got {brief_repr(seed)}, expected an integer of 0 or more")
     if face_labels is not None and vertex_labels is not None:
         raise InvalidParameterError("vertex_labels: got labels of faces, too, expected labels of one of them")
+    check_has_faces(faces)
     surface = fit_surface(vertices, faces, noise=noise, progress=progress)
     mesh, of_faces = surface.mesh, face_labels is not None
     labels = (

@@ -1,7 +1,7 @@
 """The triangle mesh of all array functions, validated once."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sized
 from dataclasses import dataclass
 from functools import wraps
 from typing import Any, NoReturn, ParamSpec, TypeVar, cast
@@ -171,6 +171,12 @@ def surface_or_points(vertices: ArrayLike | MeshLike, faces: ArrayLike | None = 
         _refuse_faces(vertices, faces)
         vertices, faces = arrays_of_object(vertices)
     return triangle_mesh(vertices, [] if faces is None else faces)
+
+
+def check_has_faces(faces: ArrayLike | None) -> None:
+    """Refuse a point cloud where a mesh is needed."""
+    if faces is None or (isinstance(faces, Sized) and not len(faces)):
+        raise InvalidMeshError("faces: got none; this needs a surface, not a point cloud")
 
 
 def ensure_mesh(mesh: ArrayLike | MeshLike, faces: ArrayLike | None = None) -> TriangleMesh:

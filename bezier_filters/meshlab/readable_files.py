@@ -10,25 +10,30 @@ from bezier_filters.errors import FieldFileError, MeshFileNote
 from bezier_filters.files.host_formats import READERS
 from bezier_filters.files.mesh_data import write_ply
 from bezier_filters.files.readable_copies import is_misread, write_copy
+from bezier_filters.files.scan_formats import has_only_coordinates
 from bezier_filters.meshlab.meshset import BezierFilterError
 from bezier_filters.meshlab.save_formats import FIELD_SUFFIX
 from bezier_filters.runtime.atomic import temporary_folder
 from bezier_filters.runtime.file_names import is_utf8, name_pipe, printable_path, user_path
 
+_MAYBE_PLAIN = (".xyz", ".pts")  # formats that pymeshlab reads where a row is three coordinates
+
 
 @contextmanager
 def open_as_ply(path: Path) -> Iterator[Path]:
     """A PLY file with the content of a file that pymeshlab does not read, under its name in messages."""
-    read = READERS.get(path.suffix.lower())
-    if read is None:
-        yield path
-        return
+    suffix = path.suffix.lower()
+    read = READERS.get(suffix)
     try:
-        data = read(path)
+        is_plain = read is None or (suffix in _MAYBE_PLAIN and has_only_coordinates(path))
+        data = None if is_plain or read is None else read(path)
     except FieldFileError as error:
         raise BezierFilterError(
             f"cannot read {printable_path(path)}: it {str(error).removeprefix(f'{path} ')}"
         ) from error
+    if data is None:
+        yield path
+        return
     if not len(data.vertices):
         raise BezierFilterError(f"cannot read {printable_path(path)}: it has no vertices")
     for note in data.notes:

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError, is_integer, is_real
 from bezier_filters.meshes.half_edges import distinct_edges
-from bezier_filters.meshes.mesh import TriangleMesh, check_selection, takes_meshes
+from bezier_filters.meshes.mesh import TriangleMesh, check_has_faces, check_selection, takes_meshes
 from bezier_filters.meshes.mesh_objects import MeshLike
 from bezier_filters.meshes.unit_size import LENGTH, normalizes_size
 from bezier_filters.patch_surface.surface import Surface, fit_surface
@@ -175,6 +175,7 @@ def remesh(
     True
     """
     _check(length, vertex_count, tolerance, iterations)
+    check_has_faces(faces)
     surface = fit_surface(vertices, faces, noise=noise, progress=progress)
     m = surface.mesh.face_count
     _check_manifold(surface.mesh)

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError, is_integer, is_real
-from bezier_filters.meshes.mesh import TriangleMesh, check_selection, takes_meshes
+from bezier_filters.meshes.mesh import TriangleMesh, check_has_faces, check_selection, takes_meshes
 from bezier_filters.meshes.mesh_objects import MeshLike
 from bezier_filters.meshes.unit_size import LENGTH, normalizes_size
 from bezier_filters.patch_surface.surface import Surface, fit_surface
@@ -159,6 +159,7 @@ def subdivide(
     True
     """
     _check(iterations, tolerance)
+    check_has_faces(faces)
     surface = fit_surface(vertices, faces, noise=noise, progress=progress)
     mesh, sigma = surface.mesh, surface.geometry.noise_sigma
     chosen = np.ones(mesh.face_count, np.bool_) if selected is None else check_selection(selected, mesh.face_count)

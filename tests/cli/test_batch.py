@@ -219,7 +219,7 @@ def test_lines_of_many_files(tmp_path, without_processes):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["render", "a.ply", "--out", "out"], "command: got 'render', expected one of normals"),
+        (["render", "a.ply", "--out", "out"], "command: got 'render', expected one of clean, normals"),
         (["smooth", "b*.ply", "--out", "out"], "files: nothing matches 'b*.ply'"),
         (["smooth", "a.ply", "--out", "."], "out: a.ply is one of the inputs"),
         (["smooth", "a.ply", "a.obj", "--out", "out"], "files: a.ply and a.obj would both become out/a.ply"),

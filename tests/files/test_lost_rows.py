@@ -113,7 +113,6 @@ REFUSED = {
     "more.ply": (ply(counts=(4, 5)), "expected end-of-line"),
     "a_word.xyz": (xyz(changed("1 abc 2")), "line 3 has '1 abc 2'"),
     "two_numbers.xyz": (xyz(changed("1 2")), "line 3 has '1 2'"),
-    "a_header.xyz": ("x y z\n" + xyz(), "line 1 has 'x y z'"),
     "many.pts": ("4000000000\n" + xyz(), "announces 4000000000 points, but holds 5"),
     "less.pts": ("6\n" + xyz(), "announces 6 points, but holds 5"),
     "four.stl": (text_stl().replace("vertex 0 1 0\n", "vertex 0 1 0\nvertex 9 9 9\n", 1), "has 4 vertices, expected 3"),
@@ -149,7 +148,8 @@ SOUND = {
     "negative.obj": obj(faces=[]) + "f -5 -4 -3\n" * 5, "commented.obj": obj().replace("v 0 1 0", "v 0 1 0 # ,a"),
     "textured.obj": "vt 0 0\n" + obj(faces=FACES[1:]) + "f 1/1 2/1 3/1\n",
     "indented.off": off().replace("\n", "\n  "), "commented.off": "# a\n" + off().replace("0 1 0", "# b\n\n0 1 0"),
-    "header.asc": "x y z\n" + xyz(), "blank.xyz": xyz().replace("\n", "\n\n"), "a_quality.ply":
+    "header.asc": "x y z\n" + xyz(), "header.xyz": "x y z\n" + xyz(),
+    "blank.xyz": xyz().replace("\n", "\n\n"), "a_quality.ply":
     ply([f"{row} nan" for row in ROWS], extra="property float quality"), "upper.stl": text_stl().upper(),
     "continued_crlf.obj": obj().replace("f 1 2 3\n", "f 1 2 \\\n3\n").replace("\n", "\r\n"),
     "behind.off": off().replace("1 0 0", "1 0 0 # 7 8"), "integers.ply": ply().replace("float", "int"),

@@ -120,7 +120,7 @@ WRONG = {
     "short.pcd": (pcd("binary")[:-9], "damaged PCD file"),
     "packed.pcd": (pcd("binary_compressed")[:-9], "damaged PCD file"),
     "words.pcd": (pcd("ascii").replace(b"10 ", b"ten "), "damaged PCD file"),
-    "lengths.xyz": (b"1 2 3\n1 2\n", "faulty row"),
+    "lengths.xyz": (b"1 2 3\n1 2\n", "line 2 has '1 2'"),
     "wide.xyz": (b"1 2 3 4 5\n", "rows of 5 numbers"),
     "cut.ptx": (b"3\n1\n" + POSE.encode() + b"1 2 3 4\n", "scan of 1 points, expected 3"),
     "pose.ptx": (b"3\n1\n1 2 3\n", "faulty header"),

@@ -152,7 +152,7 @@ def test_clouds_need_no_faces():
     for cloud in (SHAPE.vertices, trimesh.PointCloud(SHAPE.vertices), bf.to_pyvista(SHAPE.vertices)):
         np.testing.assert_array_equal(bf.estimate_vertex_geometry(cloud, rings=2).k_max, expected)
         with pytest.raises(bf.InvalidMeshError, match=r"faces: got None, .* this needs a surface"):
-            bf.smooth(cloud)
+            bf.fill_holes(cloud)
 
 
 def test_paths_are_no_mesh_objects():

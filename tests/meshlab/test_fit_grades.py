@@ -62,7 +62,10 @@ def test_pictures_know_them_as_not_estimated(tmp_path):
     save_mesh(ms, tmp_path / "a.ply")
     file = read_mesh_file(tmp_path / "a.ply")
     (panel,) = field_panels([file], GRADE, colormap="auto", percentile=2.0)
-    assert [name for name, _ in panel.names] == [f"SKIPPED: {len(file.vertices) - old:,}", f"OK: {old}"]
+    assert [name for name, _ in panel.names] == [
+        f"{bf.FitStatus.SKIPPED.words}: {len(file.vertices) - old:,}",
+        f"{bf.FitStatus.OK.words}: {old}",
+    ]
     assert are_significant(file.columns).sum() == old
 
 

@@ -12,7 +12,7 @@ from bezier_filters.errors import CancelledError
 from bezier_filters.meshlab.meshset import BezierFilterError
 from bezier_filters.meshlab.vertex_filters import apply_coord_bezier_patch_smoothing
 from bezier_filters.smoothing.smooth import smooth
-from bezier_filters.surfaces import torus
+from bezier_filters.surfaces import sphere, torus
 
 COLUMNS = {"bz_displacement", "bz_sharpness"}
 
@@ -129,11 +129,15 @@ def test_parameters_are_refused_and_all_stays(noisy, options, message):
     assert changed(before, mesh_state(noisy)) == set()
 
 
-def test_a_point_cloud_is_refused():
+def test_a_point_cloud_is_smoothed_and_stays_a_cloud():
+    ball = sphere(resolution=10)
+    rng = np.random.default_rng(0)
     ms = pymeshlab.MeshSet()
-    ms.add_mesh(pymeshlab.Mesh(np.random.default_rng(0).random((50, 3))))
-    with pytest.raises(BezierFilterError, match="has no faces"):
-        apply_coord_bezier_patch_smoothing(ms)
+    ms.add_mesh(pymeshlab.Mesh((1.0 + 0.01 * rng.standard_normal((len(ball.vertices), 1))) * ball.vertices))
+    before = np.linalg.norm(ms.current_mesh().vertex_matrix(), axis=1).std()
+    apply_coord_bezier_patch_smoothing(ms)
+    assert ms.current_mesh().face_number() == 0
+    assert np.linalg.norm(ms.current_mesh().vertex_matrix(), axis=1).std() < 0.4 * before
 
 
 def test_cancelling_leaves_all_as_it_was(noisy):

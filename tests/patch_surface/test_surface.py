@@ -261,9 +261,9 @@ def test_doubled_faces_are_counted(turn):
         fit_surface(ball.vertices, np.vstack([ball.faces, ball.faces[:40, ::turn]]))
 
 
-def test_a_cloud_is_refused():
-    with pytest.raises(InvalidMeshError, match="needs a surface"):
-        fit_surface(np.random.default_rng(0).standard_normal((50, 3)))
+def test_points_on_a_line_are_no_surface():
+    with pytest.raises(InvalidMeshError, match="too few, or on a line"):
+        fit_surface(np.arange(50.0)[:, np.newaxis] * [1.0, 2.0, 3.0])
 
 
 def test_no_points_give_no_places(ring_surface):
