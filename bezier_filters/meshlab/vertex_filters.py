@@ -290,11 +290,12 @@ def apply_coord_bezier_patch_smoothing(
     -------
     dict
         ``moved`` (number of vertices), ``displacement`` (mean, rms and max, lengths), ``noise_before`` and
-        ``noise_after`` (standard deviation along the normal, lengths, or None), ``noise_length`` (over which that
-        before is correlated, or 0), ``noise_heavy`` (whether it flips single normals), ``iterations`` (that moved
-        vertices), ``remarks`` (texts), ``warnings`` (texts: why nothing could be smoothed), ``repaired`` (as in
-        `meshing_close_holes_by_bezier_patch`, or None), ``volume_before``,
-        ``volume_after`` (length^3) and ``volume_ratio`` (None if nothing is closed), ``topology`` (what pymeshlab
+        ``noise_after`` (standard deviation along the normal, lengths, or None; after, of ranges up to those before),
+        ``noise_length`` (over which that before is correlated, or 0), ``noise_heavy`` (whether it flips single
+        normals), ``iterations`` (that moved vertices), ``remarks`` (texts),
+        ``warnings`` (texts: why nothing could be smoothed), ``repaired`` (as in
+        `meshing_close_holes_by_bezier_patch`, or None), ``volume_before``, ``volume_after``
+        (length^3) and ``volume_ratio`` (None if nothing is closed), ``topology`` (what pymeshlab
         counts, as in `meshing_close_holes_by_bezier_patch`; it says which vertices are on the border, or on edges of
         more than two faces, which the paper's method holds), ``mean_edge``, ``flipped_before``, ``flipped_after``,
         ``degenerate_before``, ``degenerate_after``, ``new_bad_faces`` and ``new_intersecting_faces`` (numbers of

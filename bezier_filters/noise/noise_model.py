@@ -52,6 +52,16 @@ class NoiseModel:
         """Range of the noise: the mean over its correlated components weighted by their sills; 0 if it is white."""
         return float(np.dot(self.sills, self.lengths) / sum(self.sills)) if self.sills else 0.0
 
+    def sigma_in_ranges_of(self, other: "NoiseModel") -> float:
+        """Standard deviation of the components whose ranges are not longer than those of other noise, a length.
+
+        >>> NoiseModel(0.04, (0.5,), (2.0,)).sigma_in_ranges_of(NoiseModel(1.0))
+        0.2
+        """
+        longest = max(other.lengths, default=0.0)
+        known = (sill for sill, length in zip(self.sills, self.lengths, strict=True) if length <= longest)
+        return float(np.sqrt(self.white + sum(known)))
+
     def scale_variance(self, factor: float) -> "NoiseModel":
         """The same noise with `factor` times the variance."""
         return replace(self, white=factor * self.white, sills=tuple(factor * sill for sill in self.sills))

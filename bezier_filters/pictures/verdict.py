@@ -11,7 +11,6 @@ from bezier_filters.smoothing.smooth import SmoothingResult
 
 Sentence: TypeAlias = tuple[str, str]  # text, and the command that acts on it, which may be empty
 
-_CLEARLY_LESS = 0.8  # ratio of the noise after to that before up to which smoothing is seen to have lowered it
 _MAX_REASONS = 2  # why holes stay open
 
 
@@ -45,10 +44,8 @@ def _noise(name: str, result: SmoothingResult) -> Sentence:
     if not result.displacement.any():
         return f"Noise of {_length(before, edge)} stays: smoothing would take more shape than noise.", ""
     left = "an unknown rest" if after is None else _length(after, edge)
-    moved = f"Noise of {_length(before, edge)}; after smoothing {left} is measured"
-    if after is not None and after > _CLEARLY_LESS * before:
-        moved += f", hardly less, although vertices move by {result.rms_displacement / edge:.2g} edges"
-    return f"{moved}.", f"bezier-filters smooth {name} smooth.ply"
+    text = f"Noise of {_length(before, edge)}; after smoothing {left} is measured."
+    return text, f"bezier-filters smooth {name} smooth.ply"
 
 
 def _length(length: float, edge: float) -> str:

@@ -200,7 +200,7 @@ def _smooth_automatically(run: Run, iterations: int, options: SmoothingOptions, 
         "warnings": warnings,
         "noise": {
             "before": None if known is None else known.sigma,
-            "after": None if left is None else left.sigma,
+            "after": None if left is None else left.sigma_in_ranges_of(known or left),
             "length": None if known is None else known.length,
             "heavy": known is not None and known.heavy,
         },

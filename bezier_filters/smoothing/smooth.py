@@ -94,7 +94,8 @@ class SmoothingResult(_ChangeMeasures, TabularResult):
         From 0, where a smooth estimate of the surface was used, to 1, where the sharpest one was used; 0 with
         ``method="paper"``.
     noise_before, noise_after : float or None
-        Standard deviation of the noise along the normal, a length; None if it could not be learned.
+        Standard deviation of the noise along the normal, a length; None if it could not be learned. Noise after is
+        that of ranges up to those before: smoother noise, if smoothing left some, cannot be told from detail.
     noise_length : float or None
         Distance over which the noise before is correlated; 0 if it is independent from vertex to vertex.
     noise_heavy : bool
@@ -344,7 +345,7 @@ def smooth(
             outliers=ordered.restore_order(is_outlier),
             sharpness=ordered.restore_order(sharpness),
             noise_before=None if known is None else known.sigma,
-            noise_after=None if left is None else left.sigma,
+            noise_after=None if left is None else left.sigma_in_ranges_of(known or left),
             noise_length=None if known is None else known.length,
             noise_heavy=known is not None and known.heavy,
             noise_reason="" if known is not None else explain_unknown_noise(mesh),
