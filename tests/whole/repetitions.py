@@ -36,6 +36,8 @@ def all_filters(ms, rough):
     for function in FILTERS:
         if "refmesh" in inspect.signature(function).parameters:  # it needs another layer
             continue
+        if function.__name__.startswith(("meshing_surface_subdivision_", "meshing_remeshing_")):  # other vertices
+            continue
         report = function(ms, threads=1)
         if report.get("polylines_id") is not None:  # a new layer each time
             main = ms.current_mesh_id()
