@@ -3,7 +3,20 @@
 from enum import IntEnum
 
 
-class FitStatus(IntEnum):
+class MessageEnum(IntEnum):
+    """Codes with messages."""
+
+    message: str
+
+    def __new__(cls, code: int, message: str) -> "MessageEnum":
+        """Make a member of a code and its message."""
+        member = int.__new__(cls, code)
+        member._value_ = code
+        member.message = message
+        return member
+
+
+class FitStatus(MessageEnum):
     """Outcome of the fit at one vertex, from the best (0) to the worst.
 
     Codes up to `FOLDED` come with an estimate of every quantity; from `NORMAL_ONLY` on,
@@ -32,15 +45,6 @@ class FitStatus(IntEnum):
     NORMAL_ONLY = 7, "normal of the faces or nearest points; no curvature: its points determine none"
     ISOLATED = 8, "no face with an area, here or at a neighbour, or points on a line: nothing estimated"
     SKIPPED = 9, "not selected, or added by another program: nothing estimated"
-
-    message: str
-
-    def __new__(cls, code: int, message: str) -> "FitStatus":
-        """Make a member of a code and its message."""
-        member = int.__new__(cls, code)
-        member._value_ = code
-        member.message = message
-        return member
 
     @property
     def has_curvature(self) -> bool:

@@ -106,7 +106,8 @@ def estimate_vertex_geometry(
         Triangles, counter-clockwise seen from outside; none at all for a point cloud.
     normals : (n, 3) array_like of float, optional
         For point clouds only: vectors of any length that point outwards, zero where the outside is
-        unknown. Only their side is used, not their directions.
+        unknown. Their side orients the results, and points with opposite ones are no neighbours; their
+        directions are not used otherwise.
     rings : int or "auto"
         Size of the neighbourhood in edges, at least 1.
     radius : float, optional

@@ -1,9 +1,9 @@
 """How a vertex was compared with a reference surface."""
 
-from enum import IntEnum
+from bezier_filters.status import MessageEnum
 
 
-class DeviationStatus(IntEnum):
+class DeviationStatus(MessageEnum):
     """How the deviation of one vertex was found, from the best (0) to the worst.
 
     Codes up to `ON_FACE` come with a deviation; the others have the fill value 0. As with `FitStatus`, meshes and files
@@ -24,15 +24,6 @@ class DeviationStatus(IntEnum):
     NOT_CONVERGED = 6, "no nearest place was found"
     ISOLATED = 7, "no normal: in no face with an area"
     SKIPPED = 8, "not selected, or added by another program"
-
-    message: str
-
-    def __new__(cls, code: int, message: str) -> "DeviationStatus":
-        """Make a member of a code and its message."""
-        member = int.__new__(cls, code)
-        member._value_ = code
-        member.message = message
-        return member
 
     @property
     def grade(self) -> int:

@@ -1,7 +1,6 @@
 """Lines of curvature, of torsion and of given normal curvature on the surface of the patches of a mesh."""
 
 from dataclasses import dataclass, field
-from enum import IntEnum
 from math import degrees, radians
 from typing import Literal, get_args
 
@@ -17,6 +16,7 @@ from bezier_filters.patch_surface.query_arguments import check_points
 from bezier_filters.patch_surface.surface import Surface, check_surface, empty_places
 from bezier_filters.result_tables import Table, TabularResult
 from bezier_filters.runtime.parallel import Progress, report, runs_on_threads
+from bezier_filters.status import MessageEnum
 from bezier_filters.surface_lines.direction_field import (
     MAX_DIRECTION_STD,
     MAX_FIELD,
@@ -80,7 +80,7 @@ MAX_DIAGONALS = 30.0  # length of each half of a line, in diagonals of the bound
 FIRST_CAPACITY, POINTS_PER_CALL = 4096, 4096
 
 
-class LineEnd(IntEnum):
+class LineEnd(MessageEnum):
     """Why a line ends."""
 
     CLOSED = CLOSED_LINE, "it is closed"
@@ -89,15 +89,6 @@ class LineEnd(IntEnum):
     BORDER = END_OF_SURFACE, "the border of the mesh, or a sharp edge"
     NO_SURFACE = NO_PATCH, "no patches, or folded ones"
     LENGTH = TOO_LONG, "longer than 30 diagonals of the bounding box"
-
-    message: str
-
-    def __new__(cls, code: int, message: str) -> "LineEnd":
-        """Make a member of a code and its message."""
-        member = int.__new__(cls, code)
-        member._value_ = code
-        member.message = message
-        return member
 
 
 ENDS = tuple(LineEnd)  # by code
