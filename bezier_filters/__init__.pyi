@@ -90,9 +90,9 @@ from .meshlab.vertex_filters import (
 )
 from .patch_surface.surface import Surface as Surface
 from .patch_surface.surface import SurfacePoints as SurfacePoints
-from .patch_surface.surface import fit_surface as fit_surface
-from .patch_surface.surface import project as project
-from .patch_surface.surface import surface_at as surface_at
+from .patch_surface.surface_fit import fit_surface as fit_surface
+from .patch_surface.surface_fit import project as project
+from .patch_surface.surface_fit import surface_at as surface_at
 from .patches.patch import BezierPatch as BezierPatch
 from .patches.patch import ParameterRectangle as ParameterRectangle
 from .patches.patch_fit import PatchFit as PatchFit

@@ -29,7 +29,7 @@ from bezier_filters.inspection.measures import measure
 from bezier_filters.meshes.adjacency import Adjacency, Rows
 from bezier_filters.meshes.half_edges import faces_at_edges
 from bezier_filters.meshes.spatial_order import MIN_REORDER_VERTICES, has_locality
-from bezier_filters.patch_surface.surface import fit_surface
+from bezier_filters.patch_surface.surface_fit import fit_surface
 from bezier_filters.remeshing.remeshing import remesh
 from bezier_filters.remeshing.subdivision import subdivide
 from bezier_filters.runtime.compile_time import ANNOUNCEMENTS

@@ -24,7 +24,8 @@ from bezier_filters.meshes.mesh import TriangleMesh, check_has_faces, check_sele
 from bezier_filters.meshes.mesh_objects import MeshLike
 from bezier_filters.meshes.unit_size import LENGTH
 from bezier_filters.patch_surface.projection import AT_BORDER, NO_PLACE, NOT_CONVERGED, ON_FACE
-from bezier_filters.patch_surface.surface import Surface, SurfacePoints, fit_surface
+from bezier_filters.patch_surface.surface import Surface, SurfacePoints
+from bezier_filters.patch_surface.surface_fit import fit_surface
 from bezier_filters.result_tables import Table, TabularResult
 from bezier_filters.runtime.parallel import Progress, runs_on_threads
 from bezier_filters.status import FitStatus

@@ -15,7 +15,8 @@ from bezier_filters.inspection.quadrature import QuadraturePoints, quadrature_po
 from bezier_filters.meshes.mesh import check_has_faces, takes_meshes
 from bezier_filters.meshes.mesh_objects import MeshLike
 from bezier_filters.meshes.unit_size import AREA, LENGTH, VOLUME
-from bezier_filters.patch_surface.surface import Surface, fit_surface
+from bezier_filters.patch_surface.surface import Surface
+from bezier_filters.patch_surface.surface_fit import fit_surface, refit_surface
 from bezier_filters.result_tables import Table, TabularResult
 from bezier_filters.runtime.parallel import Progress, runs_on_threads
 
@@ -149,9 +150,9 @@ def measure(
 
     Standard errors and biases are propagated from the noise by repetition (a parametric bootstrap): noise of the
     learned strength and range is added to the fitted positions along the normals, and everything is fitted and measured
-    again. So they include how integrals depend on the noise and on what is learned, for all correlations of fitted
-    values. They assume normally distributed noise of equal strength, and do not include details that the mesh does not
-    resolve.
+    again, with the sharp edges as found. So they include how integrals depend on the noise and on what is learned, for
+    all correlations of fitted values. They assume normally distributed noise of equal strength, and do not include
+    details that the mesh does not resolve.
 
     Parameters
     ----------
@@ -215,10 +216,12 @@ def measure(
     values, without = _integrate(surface, numbers, len(names), of_faces=of_faces)
     sigma = surface.geometry.fit.noise_sigma
     drawn = []
-    if sigma is not None:
+    if sigma == 0.0:
+        drawn = [values] * repeats  # all draws are the fitted positions
+    elif sigma is not None:
         rng = np.random.default_rng(seed)
         for _ in range(repeats):
-            again = fit_surface(_draw_vertices(surface, rng), mesh.faces, noise=noise, progress=progress)
+            again = refit_surface(surface, _draw_vertices(surface, rng), noise=noise, progress=progress)
             drawn.append(_integrate(again, numbers, len(names), of_faces=of_faces)[0])
     spread = np.std(drawn, axis=0, ddof=1) if drawn else None
     bias = np.mean(drawn, axis=0) - values if drawn else None

@@ -23,7 +23,7 @@ from bezier_filters.patch_surface.surface import Surface, SurfacePoints
 from bezier_filters.runtime.parallel import Progress, report
 
 RULE_ORDER = 3  # points along each coordinate: 9 over a face, exact for polynomials of total degree 5
-STEP = 1e-4  # of differences, in barycentric coordinates; points are farther inside of their faces
+STEP = 1e-7  # of differences, in barycentric coordinates; points are farther inside of their faces
 CHUNK_FACES = 1 << 15  # faces at a time: some 200 MB
 
 
@@ -68,8 +68,7 @@ def quadrature_points(surface: Surface, *, progress: Progress | None = None) -> 
         found = surface.evaluate(rows, where)
         first, second = tangents(surface, found)
         ahead = [surface.evaluate(rows, where + STEP * shift).normals for shift in np.eye(2)]
-        behind = [surface.evaluate(rows, where - STEP * shift).normals for shift in np.eye(2)]
-        turn_first, turn_second = (0.5 / STEP * (one - other) for one, other in zip(ahead, behind, strict=True))
+        turn_first, turn_second = ((normals - found.normals) / STEP for normals in ahead)
         weight, area = np.tile(weights, len(faces)), np.cross(first, second)
         bent = 0.5 * _dot(np.cross(turn_first, second) + np.cross(first, turn_second), found.normals)
         yield QuadraturePoints(

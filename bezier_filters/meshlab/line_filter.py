@@ -23,7 +23,7 @@ from bezier_filters.meshlab.meshset import (
 )
 from bezier_filters.meshlab.verdicts import fit_verdict
 from bezier_filters.parameters import complete_docstring
-from bezier_filters.patch_surface.surface import fit_surface
+from bezier_filters.patch_surface.surface_fit import fit_surface
 from bezier_filters.runtime.compile_time import clock_without_compilation
 from bezier_filters.runtime.parallel import Progress
 from bezier_filters.status import FitStatus

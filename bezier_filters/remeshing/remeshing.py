@@ -11,7 +11,8 @@ from bezier_filters.meshes.half_edges import distinct_edges
 from bezier_filters.meshes.mesh import TriangleMesh, check_has_faces, check_selection, takes_meshes
 from bezier_filters.meshes.mesh_objects import MeshLike
 from bezier_filters.meshes.unit_size import LENGTH, normalizes_size
-from bezier_filters.patch_surface.surface import Surface, fit_surface
+from bezier_filters.patch_surface.surface import Surface
+from bezier_filters.patch_surface.surface_fit import fit_surface
 from bezier_filters.remeshing.edge_lengths import curvature_sizing, length_for_count, uniform_sizing
 from bezier_filters.remeshing.edge_splitting import face_edges
 from bezier_filters.remeshing.isotropic import (

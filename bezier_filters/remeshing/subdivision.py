@@ -10,7 +10,8 @@ from bezier_filters.errors import InvalidParameterError, is_integer, is_real
 from bezier_filters.meshes.mesh import TriangleMesh, check_has_faces, check_selection, takes_meshes
 from bezier_filters.meshes.mesh_objects import MeshLike
 from bezier_filters.meshes.unit_size import LENGTH, normalizes_size
-from bezier_filters.patch_surface.surface import Surface, fit_surface
+from bezier_filters.patch_surface.surface import Surface
+from bezier_filters.patch_surface.surface_fit import fit_surface
 from bezier_filters.remeshing.edge_splitting import (
     FaceEdges,
     NestedFaces,
