@@ -179,7 +179,7 @@ def _inspect() -> None:
 def _run_tiles() -> None:
     if importlib.util.find_spec("distributed") is None:  # without the extra `scale`
         return
-    from bezier_filters.scale import estimate_file, smooth_file
+    from bezier_filters.scale import estimate_file, smooth_file, surface_at_file
 
     with tempfile.TemporaryDirectory() as folder:
         files = Path(folder, "vertices.npy"), Path(folder, "faces.npy")
@@ -188,6 +188,7 @@ def _run_tiles() -> None:
         np.save(files[1], faces)
         for function in (estimate_file, smooth_file):
             function(files, Path(folder, "out.ply"), tile_vertices=256, scheduler="synchronous")
+        surface_at_file(files, np.zeros((1, 3)), tile_vertices=256, scheduler="synchronous")
 
 
 def _run_rare_cases() -> None:

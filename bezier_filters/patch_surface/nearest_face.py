@@ -3,8 +3,9 @@
 import numpy as np
 
 from bezier_filters.arrays import FloatArray, IntArray
-from bezier_filters.meshes.box_tree import BOXES_PER_LEAF, BoxTree, box_tree
-from bezier_filters.runtime.jit import inner_jit
+from bezier_filters.meshes.box_tree import BOXES_PER_LEAF, BoxTree, box_tree, morton_order
+from bezier_filters.runtime.jit import inner_jit, jit
+from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
 
 STACK_SIZE = 64  # nodes that wait; a tree over 2^31 boxes has 28 levels, each with one node that waits
 # columns of the scratch array of a search: coordinates of the nearest place, and its barycentric coordinates 1 and 2
@@ -15,6 +16,46 @@ def face_tree(vertices: FloatArray, faces: IntArray) -> BoxTree:
     """Tree of the bounding boxes of faces."""
     corners = vertices[faces]
     return box_tree(corners.min(axis=1), corners.max(axis=1))
+
+
+def squared_distances(vertices: FloatArray, faces: IntArray, points: FloatArray) -> FloatArray:
+    """Squared distances (q,) of points (q, 3) from faces (m, 3), infinite from none."""
+    tree, order, found = face_tree(vertices, faces), morton_order(points), np.empty(len(points))
+
+    def task() -> RangeTask:
+        stack, place = np.empty(STACK_SIZE, np.int32), np.empty(2 * PLACE_SIZE)
+
+        def run(start: int, stop: int) -> None:
+            _measure_points(vertices, faces, tree, points, order, start, stop, stack, place, found)
+
+        return run
+
+    run_in_chunks(task, len(points))
+    return found
+
+
+@jit()
+def _measure_points(
+    vertices: FloatArray,
+    faces: IntArray,
+    tree: BoxTree,
+    points: FloatArray,
+    order: IntArray,
+    start: int,
+    stop: int,
+    stack: IntArray,
+    place: FloatArray,
+    found: FloatArray,
+) -> None:
+    """Write the squared distances of points[order[start:stop]] from the faces."""
+    guess = -1
+    for q in order[start:stop]:
+        x, y, z = points[q, 0], points[q, 1], points[q, 2]
+        guess = nearest_face(vertices, faces, tree, x, y, z, guess, stack, place)
+        if guess < 0:
+            found[q] = np.inf
+            continue
+        found[q] = (x - place[PLACE]) ** 2 + (y - place[PLACE + 1]) ** 2 + (z - place[PLACE + 2]) ** 2
 
 
 @inner_jit()

@@ -165,27 +165,35 @@ class Surface:
 
     def _result(self, places: Places, distances: FloatArray) -> SurfacePoints:
         """The places in the unit of the given mesh."""
-        found = SurfacePoints(
-            points=places.points,
-            distances=distances,
-            normals=places.normals,
-            k_min=places.curvatures[:, 0],
-            k_max=places.curvatures[:, 1],
-            direction_min=places.directions[:, 0],
-            direction_max=places.directions[:, 1],
-            position_std=places.errors[:, 0],
-            normal_std=places.errors[:, 1],
-            mean_curvature_std=places.errors[:, 2],
-            gaussian_curvature_std=places.errors[:, 3],
-            faces=places.face,
-            coordinates=places.coordinates,
-            outcome=places.outcome.astype(np.int32),
-        )
-        return cast("SurfacePoints", rescale(found, self.exponent))
+        return cast("SurfacePoints", rescale(_points_of(places, distances), self.exponent))
 
     def __repr__(self) -> str:
         """One line: the mesh."""
         return f"Surface({self.mesh.vertex_count} vertices, {self.mesh.face_count} faces)"
+
+
+def empty_points(count: int) -> SurfacePoints:
+    """Results of so many queries that nothing was found for."""
+    return _points_of(empty_places(count), np.zeros(count))
+
+
+def _points_of(places: Places, distances: FloatArray) -> SurfacePoints:
+    return SurfacePoints(
+        points=places.points,
+        distances=distances,
+        normals=places.normals,
+        k_min=places.curvatures[:, 0],
+        k_max=places.curvatures[:, 1],
+        direction_min=places.directions[:, 0],
+        direction_max=places.directions[:, 1],
+        position_std=places.errors[:, 0],
+        normal_std=places.errors[:, 1],
+        mean_curvature_std=places.errors[:, 2],
+        gaussian_curvature_std=places.errors[:, 3],
+        faces=places.face,
+        coordinates=places.coordinates,
+        outcome=places.outcome.astype(np.int32),
+    )
 
 
 def _complete_patches(geometry: PatchGeometry, vertices: FloatArray) -> FloatArray:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bezier_filters.arguments import real_array
-from bezier_filters.arrays import FloatArray, unique_rows
+from bezier_filters.arrays import FloatArray, IntArray, unique_rows
 from bezier_filters.errors import InvalidMeshError
 from bezier_filters.estimation.estimate import estimate_patches, estimate_vertex_geometry
 from bezier_filters.feature_lines.crease_lines import find_sharp_edges
@@ -94,7 +94,7 @@ def fit_surface(
     mesh = prepare_mesh(shape) if shape.face_count else cloud_surface(shape)
     if not mesh.face_count:
         raise InvalidMeshError("vertices: the points of the cloud are too few, or on a line, for a surface")
-    _refuse_duplicates(mesh)
+    refuse_duplicates(mesh)
     options = FitOptions(noise=None if noise is None else float(np.ldexp(noise, -exponent)))
     geometry = estimate_vertex_geometry(mesh.vertices, mesh.faces, noise=options.noise, progress=progress)
     edges, is_sharp, _ = find_sharp_edges(mesh, geometry)
@@ -161,7 +161,7 @@ def surface_at(
     return fit_surface(vertices, faces, noise=noise, threads=threads, progress=progress).query(points, threads=threads)
 
 
-def _refuse_duplicates(mesh: PreparedMesh) -> None:
+def refuse_duplicates(mesh: PreparedMesh) -> None:
     """Refuse faces on the same vertices: their edges have three faces, which would cut the surface all around them."""
     count = mesh.face_count - len(unique_rows(np.sort(mesh.faces, axis=1))[0])
     if count:
@@ -219,6 +219,12 @@ def _has_shared_residuals(mesh: PreparedMesh, geometry: VertexGeometry) -> bool:
     sigma = geometry.noise_sigma
     if not sigma or geometry.fit.noise_length or is_noisy(mesh, sigma):
         return False
+    products, squares = residual_products(geometry, distinct_edges(mesh.faces, mesh.vertex_count)[0])
+    return products > MIN_SHARED_RESIDUAL * squares
+
+
+def residual_products(geometry: VertexGeometry, edges: IntArray) -> tuple[float, float]:
+    """Sums over edges (e, 2) of the product of the residuals at their ends, and of the mean of their squares."""
     residuals = np.einsum("ij,ij->i", geometry.displacements, geometry.normals)
-    ends = residuals[distinct_edges(mesh.faces, mesh.vertex_count)[0]]
-    return bool(np.mean(ends[:, 0] * ends[:, 1]) > MIN_SHARED_RESIDUAL * np.mean(np.square(ends)))
+    ends = residuals[edges]
+    return float((ends[:, 0] * ends[:, 1]).sum()), 0.5 * float(np.square(ends).sum())

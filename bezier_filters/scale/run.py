@@ -111,10 +111,9 @@ class Round:
 
 @dataclass(frozen=True)
 class Run:
-    """A run in progress: source, target, store, workers and completed rounds."""
+    """A run in progress: source, store, workers and completed rounds."""
 
     source: MeshSource
-    target: Location
     store: Store
     cluster: Workers
     stages: Stages
@@ -156,6 +155,13 @@ class Run:
         self.rounds.append(Round(tiles, len(todo), tuple(damaged)))
         return self.rounds[-1]
 
+
+@dataclass(frozen=True, kw_only=True)
+class FileRun(Run):
+    """A run whose results are written to a file."""
+
+    target: Location
+
     def write(self, tiles: Sequence[Tile]) -> None:
         """Join the results of all tiles in the target, and release the workers."""
         self.cluster.release()
@@ -188,7 +194,7 @@ class Run:
 @contextmanager
 def file_run(
     source: MeshSource, target: str | os.PathLike[str], options: RunOptions, *, row_size: int, in_store: int
-) -> Iterator[Run]:
+) -> Iterator[FileRun]:
     """Sort a mesh on disk and start workers; at the end the store is removed, unless the run fails.
 
     `row_size` and `in_store` are the bytes per vertex of the results in the target and in the store. Options out of
@@ -197,21 +203,33 @@ def file_run(
     options = _check_options(options)
     place = locate(target, "target")
     _check_target(source, place)
-    stages = Stages(options.progress)
-    folder = locate(options.store if options.store is not None else f"{target}.tiles", "store")
-    if isinstance(folder, Path):
-        folder = folder.absolute()  # for workers in other folders
+    folder = _store_folder(options.store if options.store is not None else f"{target}.tiles")
     if not options.resume:
         check_room(source, folder, place, row_size, in_store)
+    with store_run(source, folder, options) as run:
+        yield FileRun(**vars(run), target=place)
+
+
+@contextmanager
+def store_run(source: MeshSource, store: str | os.PathLike[str] | Location, options: RunOptions) -> Iterator[Run]:
+    """Sort a mesh on disk into a store and start workers; at the end the store is removed, unless the run fails."""
+    options, folder = _check_options(options), _store_folder(store)
+    stages = Stages(options.progress)
     with (
         use_threads(options.workers),
         start_workers(options.scheduler, workers=thread_count(), memory_limit=options.memory_limit) as cluster,
     ):
         with stages.stage("sort") as progress:
-            store = _prepare_store(source, folder, options, progress)
-        yield Run(source, place, store, cluster, stages, thread_count())
+            prepared = _prepare_store(source, folder, options, progress)
+        yield Run(source, prepared, cluster, stages, thread_count())
     if not options.keep_store and (folder / MARKER_FILE).is_file():
         remove_folder(folder)
+
+
+def _store_folder(path: str | os.PathLike[str] | Location) -> Location:
+    """The folder of the store, absolute for workers in other folders."""
+    folder = locate(path, "store") if isinstance(path, (str, os.PathLike)) else path
+    return folder.absolute() if isinstance(folder, Path) else folder
 
 
 def _check_options(options: RunOptions) -> RunOptions:

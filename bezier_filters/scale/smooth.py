@@ -28,7 +28,7 @@ from bezier_filters.scale.learn import (
     store_neighbourhoods,
 )
 from bezier_filters.scale.remote import Location
-from bezier_filters.scale.run import Run, RunOptions, StageProgress, file_run
+from bezier_filters.scale.run import FileRun, RunOptions, StageProgress, file_run
 from bezier_filters.scale.source import SourcePath, open_source
 from bezier_filters.scale.store import Store
 from bezier_filters.scale.stored_surface import (
@@ -166,7 +166,7 @@ def smooth_file(
         )
 
 
-def _smooth_automatically(run: Run, iterations: int, options: SmoothingOptions, keep_volume: bool) -> Report:
+def _smooth_automatically(run: FileRun, iterations: int, options: SmoothingOptions, keep_volume: bool) -> Report:
     """Automatic smoothing: the rounds of every iteration, and a final one."""
     how = {"quantity": "automatic smoothing", "iterations": iterations, "keep_volume": keep_volume}
     results, mesh, fixed = run.results(how | asdict(options)), run.store, options.borders == "fixed"
@@ -265,7 +265,7 @@ def move_tile(first: Store, current: Store, fit: SurfaceFit, tile: int) -> tuple
     return rows, TileReport(tile, len(part.ids), {})
 
 
-def _smooth_onto_patches(run: Run, iterations: int, options: FitOptions) -> Report:
+def _smooth_onto_patches(run: FileRun, iterations: int, options: FitOptions) -> Report:
     """Move every vertex onto its patch, `iterations` times; returns the report."""
     current = run.store
     for step in range(iterations):
