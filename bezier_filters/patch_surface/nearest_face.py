@@ -18,7 +18,7 @@ def face_tree(vertices: FloatArray, faces: IntArray) -> BoxTree:
     return box_tree(corners.min(axis=1), corners.max(axis=1))
 
 
-def squared_distances(vertices: FloatArray, faces: IntArray, points: FloatArray) -> FloatArray:
+def find_squared_distances(vertices: FloatArray, faces: IntArray, points: FloatArray) -> FloatArray:
     """Squared distances (q,) of points (q, 3) from faces (m, 3), infinite from none."""
     tree, order, found = face_tree(vertices, faces), morton_order(points), np.empty(len(points))
 

@@ -26,7 +26,7 @@ from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
 from bezier_filters.meshes.prepared_mesh import PreparedMesh, prepare_mesh
 from bezier_filters.meshes.sharp_edges import sharp_edges
 from bezier_filters.patch_surface.cut_mesh import cut_mesh
-from bezier_filters.patch_surface.nearest_face import squared_distances
+from bezier_filters.patch_surface.nearest_face import find_squared_distances
 from bezier_filters.patch_surface.query_arguments import check_points
 from bezier_filters.patch_surface.surface import Surface, SurfacePoints, empty_points
 from bezier_filters.patch_surface.surface_fit import MIN_SHARED_RESIDUAL, refuse_duplicates, residual_products
@@ -204,7 +204,7 @@ def nearest_of_tile(common: TiledFit, bounds: ArrayFile, boxes: FloatArray, tile
     part = tile_part(common.store, tile, 1)
     rows = np.empty(len(ids), NEAREST)
     rows["point"] = ids
-    rows["squared"] = squared_distances(part.mesh.vertices, part.mesh.faces[part.faces_of_tile()], points[ids])
+    rows["squared"] = find_squared_distances(part.mesh.vertices, part.mesh.faces[part.faces_of_tile()], points[ids])
     return rows, TileReport(tile, len(part.ids), {})
 
 
