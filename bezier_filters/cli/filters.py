@@ -29,7 +29,7 @@ from bezier_filters.cli.app import (
     parse_path,
     pipe_callback,
 )
-from bezier_filters.cli.option_checks import check_options
+from bezier_filters.cli.option_checks import check_options, check_picture_options
 from bezier_filters.fields import qualities
 from bezier_filters.parameters import COLORS, PARAMETERS, Parameter
 from bezier_filters.runtime.file_names import printable_name, printable_path, user_path
@@ -282,6 +282,7 @@ def creases(
     if picture is not None:
         check_picture(picture)
         check_target(picture, source, overwrite=overwrite)
+    check_picture_options(views=view, up=up, front=front)
     angle, strength = given.pop("angle"), given.pop("minstrength")
     check_options(PARAMETERS["creases"], given)
     with console.stages(quiet=quiet or json) as stage:
@@ -354,6 +355,7 @@ def lines(
     if picture is not None:
         check_picture(picture)
         check_target(picture, source, overwrite=overwrite)
+    check_picture_options(views=view, up=up, front=front)
     check_options(PARAMETERS["lines"], given)
     with console.stages(quiet=quiet or json) as stage:
         stage(f"reading {printable_name(source)}")

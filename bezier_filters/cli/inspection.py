@@ -25,6 +25,7 @@ from bezier_filters.cli.app import (
     parse_path,
     pipe_callback,
 )
+from bezier_filters.cli.option_checks import check_options, check_picture_options
 from bezier_filters.fields import DEVIATION, MEASURES, qualities
 from bezier_filters.parameters import PARAMETERS
 from bezier_filters.runtime.file_names import printable_name, printable_path, user_path
@@ -92,6 +93,8 @@ def compare(
         format_of(target)
     if picture is not None:
         check_picture(picture)
+    check_options(PARAMETERS[DEVIATION], given)
+    check_picture_options(views=view, up=up, front=front)
     with console.stages(quiet=quiet or json) as stage:
         stage(f"reading {printable_name(reference)}")
         loaded = read_current_mesh(bf.load_mesh(reference, skip=skip))
@@ -130,6 +133,7 @@ def _print(report: "Report", source: Path, target: Path | None, picture: Path | 
         console.print_written(report, printable_path(target))
     if picture is not None:
         console.out().print(f"wrote [bold]{console.escape(printable_path(picture))}[/]")
+    console.print_outcome(report)
 
 
 @app.command(epilog=examples("measure scan.ply", "measure scan.ply --repeats 0 --json"))
@@ -140,6 +144,7 @@ def measure(source: Source, *, skip: Skip = False, quiet: Quiet = False, json: J
     They are those of the surface that is fitted to a mesh. Standard errors and biases come from fits with new noise of
     the learned strength. The theorem of Gauss and Bonnet checks the total Gaussian curvature.
     """
+    check_options(PARAMETERS[MEASURES], given)
     with console.stages(quiet=quiet or json) as stage:
         stage(f"reading {printable_name(source)}")
         ms = bf.load_mesh(source, skip=skip)

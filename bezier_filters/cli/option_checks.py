@@ -24,13 +24,39 @@ def check_options(parameters: Sequence[Parameter], given: Mapping[str, Any]) -> 
     if "smoothness" in kinds:
         _fit_options(values).check()
     if "colormap" in values:
-        _check_colors(values)
+        check_colors(values)
+
+
+def check_picture_options(
+    *,
+    views: Sequence[str] | None = None,
+    up: str,
+    front: str,
+    colormap: str | None = None,
+    percentile: float = 0.0,
+    limits: tuple[float, float] | None = None,
+) -> None:
+    """Refuse views, axes and colours of a picture that no mesh allows."""
+    import numpy as np
+
+    from bezier_filters.display import color_range
+    from bezier_filters.meshlab.mesh_colors import check_limits
+    from bezier_filters.pictures.render import check_colormap, check_views
+    from bezier_filters.pictures.views import check_axes
+
+    check_views(views or ())
+    check_axes(up, front)
+    if colormap is not None:
+        check_colormap(colormap)
+    color_range(np.zeros(0), signed=False, percentile=percentile)
+    if limits is not None:
+        check_limits(*limits)
 
 
 def _check_word(name: str, value: str, kind: str) -> None:
     words = [word.strip().strip('"') for word in kind[1 : kind.index("}")].split(",")]
     if value not in words:
-        expected = (" or " if len(words) == len(("this", "that")) else ", ").join(map(repr, words))
+        expected = ", ".join(map(repr, words[:-1])) + f" or {words[-1]!r}"
         raise InvalidParameterError(f"{name}: got {value!r}, expected {expected}")
 
 
@@ -51,7 +77,8 @@ def _fit_options(values: Mapping[str, Any]) -> "FitOptions":
     return FitOptions(**{name: values[name] for name in names if name in values}, radius=length)
 
 
-def _check_colors(values: Mapping[str, Any]) -> None:
+def check_colors(values: Mapping[str, Any]) -> None:
+    """Refuse a colour map of pymeshlab, a percentile or a colour range that no mesh allows."""
     import numpy as np
 
     from bezier_filters.display import color_range

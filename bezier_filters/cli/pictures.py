@@ -23,6 +23,7 @@ from bezier_filters.cli.app import (
     pipe_callback,
     read_pipes,
 )
+from bezier_filters.cli.option_checks import check_colors, check_picture_options
 from bezier_filters.display import ColorScale
 from bezier_filters.runtime.file_names import printable_name, printable_path, user_path
 
@@ -119,6 +120,7 @@ def render(
     from bezier_filters.pictures.render import render_panels
 
     check_target(picture, *sources, overwrite=overwrite)
+    check_picture_options(views=view, up=up, front=front, colormap=colormap, percentile=percentile, limits=limits)
     with console.stages(quiet=quiet or json) as stage:
         files = [_read(source, stage, skip=skip) for source in sources]
         stage(f"drawing {printable_name(picture)}")
@@ -163,6 +165,7 @@ def view(
     from bezier_filters.pictures.scene import check_display, show_panels
     from bezier_filters.runtime.supervision import restore_default_interrupts
 
+    check_picture_options(up=up, front=front, colormap=colormap, percentile=percentile, limits=limits)
     check_display()
     with console.stages(quiet=False) as stage:
         files = [_read(source, stage, skip=skip) for source in sources]
@@ -198,6 +201,7 @@ def qmap(
     from bezier_filters.pictures.field_panels import check_field, field_limits
 
     check_target(target, source, overwrite=overwrite)
+    check_colors({"colormap": colormap, "percentile": percentile} | ({"colorrange": limits} if limits else {}))
     with console.stages(quiet=quiet or json) as stage:
         files = [_read(source, stage, skip=skip)]
     check_field(files, field)

@@ -78,4 +78,5 @@ def bake(
     elif not quiet:
         console.print_texture(report, printable_path(source))
         console.print_written(report, printable_path(target))
+        console.print_outcome(report)
     end_with_remarks(printable_path(target), report)

@@ -216,15 +216,14 @@ def measure(
     values, without = _integrate(surface, numbers, len(names), of_faces=of_faces)
     sigma = surface.geometry.fit.noise_sigma
     drawn = []
-    if sigma == 0.0:
-        drawn = [values] * repeats  # all draws are the fitted positions
-    elif sigma is not None:
+    if sigma:  # without noise all draws are the fitted positions
         rng = np.random.default_rng(seed)
         for _ in range(repeats):
             again = refit_surface(surface, _draw_vertices(surface, rng), noise=noise, progress=progress)
             drawn.append(_integrate(again, numbers, len(names), of_faces=of_faces)[0])
-    spread = np.std(drawn, axis=0, ddof=1) if drawn else None
-    bias = np.mean(drawn, axis=0) - values if drawn else None
+    spread, bias = (np.std(drawn, axis=0, ddof=1), np.mean(drawn, axis=0) - values) if drawn else (None, None)
+    if sigma == 0.0 and repeats:
+        spread = bias = np.zeros_like(values)
 
     def part(row: int) -> PartMeasures:
         label = None if row == 0 else int(names[row - 1])
@@ -241,7 +240,7 @@ def measure(
     return SurfaceMeasures(
         part(0),
         tuple(part(row + 1) for row in range(len(names))),
-        len(drawn),
+        0 if sigma is None else int(repeats),
         None if sigma is None else float(np.ldexp(sigma, surface.exponent)),
         without,
     )

@@ -135,7 +135,6 @@ def _check_panels(
     panels: Sequence[Panel], views: Sequence[str], columns: int | None, size: tuple[int, int], background: str
 ) -> str:
     """Check the parameters of `render_panels`; the background as a colour that every library knows."""
-    import matplotlib
     from matplotlib.colors import is_color_like, to_hex
 
     if not isinstance(panels, Sequence) or not all(isinstance(panel, Panel) for panel in panels):
@@ -144,24 +143,34 @@ def _check_panels(
         raise InvalidParameterError(f"views: got {brief_repr(views)}, expected a list of names")
     if not panels or not views:
         raise InvalidParameterError("got no panels or no views, expected at least one of each")
-    for view in views:
-        _check_choice("view", view, VIEW_NAMES)
+    check_views(views)
     for panel in panels:
-        try:
-            matplotlib_colormap(panel.colormap)
-        except KeyError:
-            _check_choice(
-                "colormap", panel.colormap, [*_OWN_MAPS, *matplotlib.colormaps], (*_OWN_MAPS, "turbo", "RdBu")
-            )
+        check_colormap(panel.colormap)
     if columns is not None and not (is_integer(columns) and columns >= 1):
-        raise InvalidParameterError(f"columns is {brief_repr(columns)}, expected at least 1")
+        raise InvalidParameterError(f"columns: got {brief_repr(columns)}, expected at least 1")
     if not isinstance(size, Sequence) or not all(map(is_real, size)) or len(size) != len(("width", "height")):
         raise InvalidParameterError(f"size: got {brief_repr(size)}, expected a width and a height")
     if not all(_SIZES[0] <= side <= _SIZES[1] for side in size):
-        raise InvalidParameterError(f"size is {size}, expected a width and a height of {_SIZES[0]} to {_SIZES[1]}")
+        raise InvalidParameterError(f"size: got {size}, expected a width and a height of {_SIZES[0]} to {_SIZES[1]}")
     if not is_color_like(background):
-        raise InvalidParameterError(f"background is {background!r}, expected a colour such as 'white' or '#202020'")
+        raise InvalidParameterError(f"background: got {background!r}, expected a colour such as 'white' or '#202020'")
     return to_hex(background)
+
+
+def check_views(views: Sequence[str]) -> None:
+    """Refuse what is no view."""
+    for view in views:
+        _check_choice("view", view, VIEW_NAMES)
+
+
+def check_colormap(name: str) -> None:
+    """Refuse what is no colour map of a picture."""
+    import matplotlib
+
+    try:
+        matplotlib_colormap(name)
+    except KeyError:
+        _check_choice("colormap", name, [*_OWN_MAPS, *matplotlib.colormaps], (*_OWN_MAPS, "turbo", "RdBu"))
 
 
 def check_picture(path: str | os.PathLike[str]) -> None:
@@ -176,7 +185,7 @@ def _check_choice(parameter: str, got: str, allowed: Sequence[str], examples: Se
     if got not in allowed:
         close = difflib.get_close_matches(got, allowed, n=3)
         names = ", ".join(dict.fromkeys([*close, *(examples or allowed)]))
-        raise InvalidParameterError(f"{parameter} is {got!r}, expected {'one' if examples else 'any'} of {names}")
+        raise InvalidParameterError(f"{parameter}: got {got!r}, expected one of {names}")
 
 
 def _common_scale(views: Sequence[scene.View], size: tuple[int, int]) -> float:

@@ -53,9 +53,9 @@ def check_axes(up: str, front: str) -> None:
     """Refuse what is no axis, or two that are parallel."""
     for name, got in (("up", up), ("front", front)):
         if got not in (AUTO_AXIS, *AXES):
-            raise InvalidParameterError(f"{name} is {got!r}, expected any of {', '.join((AUTO_AXIS, *AXES))}")
+            raise InvalidParameterError(f"{name}: got {got!r}, expected one of {', '.join((AUTO_AXIS, *AXES))}")
     if up != AUTO_AXIS and up[-1] == front[-1]:
-        raise InvalidParameterError(f"front is {front!r}, which is not perpendicular to up, {up!r}")
+        raise InvalidParameterError(f"front: got {front!r}, expected an axis perpendicular to up, {up!r}")
 
 
 def has_border(faces: IntArray) -> bool:

@@ -45,7 +45,7 @@ def holed_ball(path):
         (
             ["--quality", "foo"],
             "--quality: got 'foo', expected 'mean', 'gaussian', 'min', 'max', 'curvedness', 'shape_index', 'std', "
-            "'along', 'across', 'plan'",
+            "'along', 'across' or 'plan'",
         ),
     ],
 )
@@ -168,6 +168,24 @@ def test_options_are_checked_before_the_mesh_is_read(arguments, message, tmp_pat
     assert result.returncode == 2
     assert message in result.stderr
     assert "missing.ply" not in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("render missing.ply picture.png --colormap jett", "--colormap: got 'jett'"),
+        ("render missing.ply picture.png --percentile 70", "--percentile: got 70.0"),
+        ("render missing.ply picture.png --view nope", "view: got 'nope', expected one of front"),
+        ("compare missing.ply missing.ply --up q", "up: got 'q', expected one of auto, x"),
+        ("qmap missing.ply map.qmap --colormap jett", "--colormap: got 'jett'"),
+    ],
+)
+def test_options_of_pictures_are_checked_before_the_mesh_is_read(arguments, message, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    result = run(*arguments.split())
+    assert result.returncode == 2
+    assert message in result.stderr
+    assert "there is no" not in result.stderr
 
 
 def test_the_help_has_whole_sentences_at_80_columns(monkeypatch):

@@ -242,7 +242,7 @@ def test_sheets_are_seen_from_the_side_that_their_normals_face(front: str) -> No
 
 
 def test_up_and_front_are_perpendicular() -> None:
-    with pytest.raises(InvalidParameterError, match="not perpendicular"):
+    with pytest.raises(InvalidParameterError, match="expected an axis perpendicular to up"):
         choose_orientation(*plane(), "y", "-y")
     assert choose_orientation(*plane(), "z", "x") == ("z", "x")
     np.testing.assert_array_equal(view_axes("front", "z", "x"), [[0, 1, 0], [0, 0, 1], [1, 0, 0]])
@@ -396,17 +396,17 @@ def test_long_texts_make_room_for_themselves(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"views": ["frnt"]}, "view is 'frnt', expected any of front, back"),
+        ({"views": ["frnt"]}, "view: got 'frnt', expected one of front, back"),
         ({"views": []}, "no panels or no views"),
-        ({"up": "w"}, "up is 'w', expected any of auto, x, y"),
-        ({"columns": 0}, "columns is 0"),
-        ({"size": (10, 10)}, "size is .10, 10., expected"),
+        ({"up": "w"}, "up: got 'w', expected one of auto, x, y"),
+        ({"columns": 0}, "columns: got 0"),
+        ({"size": (10, 10)}, "size: got .10, 10., expected"),
         ({"size": 600}, "size: got 600, expected a width and a height"),
-        ({"columns": 1.5}, "columns is 1.5"),
+        ({"columns": 1.5}, "columns: got 1.5"),
         ({"views": "front"}, "views: got 'front', expected a list of names"),
         ({"views": None}, "views: got None"),
         ({"title": 5}, "title: got 5, expected a text"),
-        ({"background": "no colour"}, "background is 'no colour', expected a colour"),
+        ({"background": "no colour"}, "background: got 'no colour', expected a colour"),
     ],
 )
 def test_wrong_options_are_named_and_leave_the_old_picture(tmp_path: Path, options: Any, message: str) -> None:
@@ -428,7 +428,7 @@ def test_arrays_for_a_path_or_panels_are_refused(tmp_path: Path) -> None:
 
 
 def test_an_unknown_colour_map_gets_suggestions(tmp_path: Path) -> None:
-    with pytest.raises(InvalidParameterError, match=r"colormap is 'turbos', expected one of turbo, .*Cool Warm"):
+    with pytest.raises(InvalidParameterError, match=r"colormap: got 'turbos', expected one of turbo, .*Cool Warm"):
         render_panels(tmp_path / "a.png", [bunny_like(colormap="turbos")])
 
 
