@@ -43,7 +43,8 @@ def clean(
     target: Target,
     *,
     page: Annotated[
-        Path | None, typer.Option("--report", help="Page with the result, as of `report`.", metavar="PAGE.html")
+        Path | None,
+        typer.Option("--report", help="Page on the mesh before and after, as of `report`.", metavar="PAGE.html"),
     ] = None,
     skip: Skip = False,
     overwrite: Overwrite = False,
@@ -80,7 +81,7 @@ def clean(
         stage(f"writing {printable_name(target)}")
         remarks = bf.save_mesh(ms, target, compact=True)
         if page is not None:
-            write_page(target, page, stage)
+            write_page(source, page, stage, cleaned=target, skip=skip)
     report = {name: filled[name] + smoothed[name] for name in ("remarks", "warnings")}
     if json:
         shown = None if page is None else user_path(page)

@@ -23,7 +23,12 @@ def _noise_change(report: "Report") -> str:
     if not report["moved"]:
         known = report["noise_before"], report["noise_length"], report["noise_heavy"]
         return f"{noise_in_words(*known, edge, reason=report['noise_reason'])}; nothing moved"
-    return f"noise {noise_level(report['noise_before'], edge)} before, {noise_level(report['noise_after'], edge)} after"
+    before, after = (noise_level(report[name], edge) for name in ("noise_before", "noise_after"))
+    return (
+        f"noise {before}, nearly all of which stays: it is like the shape"
+        if before == after
+        else f"noise {before} before, {after} after"
+    )
 
 
 def describe_outcome(report: "Report") -> str:

@@ -25,9 +25,16 @@ def check_page(page: Path) -> None:
 
 
 def write_page(
-    source: Path, page: Path, stage: console.Stage, *, up: str = "auto", front: str = "auto", skip: bool = False
+    source: Path,
+    page: Path,
+    stage: console.Stage,
+    *,
+    cleaned: Path | None = None,
+    up: str = "auto",
+    front: str = "auto",
+    skip: bool = False,
 ) -> "Page":
-    """Write the page of a mesh file."""
+    """Write the page of a mesh file, or of its cleaning if that was written to a file."""
     from bezier_filters.pictures.page import report_page
     from bezier_filters.pictures.views import Orientation, file_up
 
@@ -38,7 +45,8 @@ def write_page(
         console.summary_rows(summary),
         summary["findings"],
         source=printable_path(source),
-        about=file_facts(source),
+        about=[*file_facts(source), *([] if cleaned is None else [f"cleaned: {printable_name(cleaned)}"])],
+        cleaned=cleaned is not None,
         can_be_repaired=summary["can_be_repaired"],
         oriented=Orientation(up, front, file_up(source)),
         stage=stage,

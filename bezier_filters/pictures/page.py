@@ -95,14 +95,15 @@ def report_page(
     source: str = "",
     about: Sequence[str] = (),
     can_be_repaired: bool = False,
+    cleaned: bool = False,
     oriented: Orientation = DEFAULT_ORIENTATION,
     stage: Callable[[str], Progress | None] = lambda _: None,
     most_faces: int = MAX_PAGE_FACES,
 ) -> Page:
     """Compute the contents of a page, with facts and findings as text, from a file with the name `source`.
 
-    `about` is what stands below the title. `stage` begins a stage, given its name, and returns the callback for its
-    progress.
+    `about` is what stands below the title. `cleaned` says that the file has been filled and smoothed already. `stage`
+    begins a stage, given its name, and returns the callback for its progress.
     """
     vertices, faces = mesh.vertices, mesh.faces
     normals = None if len(faces) else np.nan_to_num(mesh.vertex_normals)
@@ -114,7 +115,7 @@ def report_page(
         smoothed = smooth(vertices, faces, progress=stage("smoothing"))
         filled = fill_holes(vertices, faces, progress=stage("filling holes"))
     stage("writing the page" if len(faces) <= most_faces else f"choosing {most_faces:,} faces to draw")
-    sentences = verdict(source or title, smoothed, filled, findings, can_be_repaired=can_be_repaired)
+    sentences = verdict(source or title, smoothed, filled, findings, can_be_repaired=can_be_repaired, cleaned=cleaned)
     return page_of(
         title,
         vertices,

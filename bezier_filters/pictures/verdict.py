@@ -21,17 +21,23 @@ def verdict(
     findings: Sequence[str],
     *,
     can_be_repaired: bool,
+    cleaned: bool = False,
 ) -> list[Sentence]:
-    """Sentences on a file: its noise, its holes, and what stands in the way of both."""
+    """Sentences on a file: its noise, its holes, and what stands in the way of both.
+
+    Where the file is cleaned already, they have no commands.
+    """
     name = shlex.quote(source)
     if smoothed is None or filled is None:
         sentences = [("A point cloud has no faces: its noise and its holes are not measured.", "")]
     else:
-        sentences = [_noise(name, smoothed), _holes(name, filled)]
+        sentences = [_noise(name, smoothed), _holes(name, filled, "is" if cleaned else "can be")]
+    if cleaned:
+        sentences = [(text, "") for text, _ in sentences]
     if not findings:
         return [*sentences, ("Nothing stands in the way of estimates, smoothing and hole filling.", "")]
     more = f" {len(findings) - 1} more below." if len(findings) > 1 else ""
-    command = f"bezier-filters smooth {name} repaired.ply --repair" if can_be_repaired else ""
+    command = f"bezier-filters clean {name} repaired.ply --repair" if can_be_repaired else ""
     return [*sentences, (f"In the way: {findings[0].rstrip('.')}.{more}", command)]
 
 
@@ -43,8 +49,11 @@ def _noise(name: str, result: SmoothingResult) -> Sentence:
         return f"There is no noise: less than {MIN_NOISE_EDGES:g} edges cannot be told from the shape.", ""
     if not result.displacement.any():
         return f"Noise of {_length(before, edge)} stays: smoothing would take more shape than noise.", ""
-    left = "an unknown rest" if after is None else _length(after, edge)
-    text = f"Noise of {_length(before, edge)}; after smoothing {left} is measured."
+    if after is not None and f"{before / edge:.2g}" == f"{after / edge:.2g}":
+        text = f"Noise of {_length(before, edge)}; nearly all of it stays, because it is like the shape."
+        return text, ""
+    left = "an unknown part" if after is None else f"about {_length(after, edge)}"
+    text = f"Noise of {_length(before, edge)}, of which smoothing leaves {left}."
     return text, f"bezier-filters smooth {name} smooth.ply"
 
 
@@ -52,12 +61,12 @@ def _length(length: float, edge: float) -> str:
     return f"{length / edge:.2g} edges ({length:.3g} in the unit of the file)"
 
 
-def _holes(name: str, result: HoleFillingResult) -> Sentence:
+def _holes(name: str, result: HoleFillingResult, verb: str) -> Sentence:
     if not result.holes:
         return "There are no holes: the surface is closed.", ""
     left, count = len(result.holes) - result.filled, len(result.holes)
     holes = "1 hole" if count == 1 else f"{count:,} holes"
-    text = f"{result.filled:,} of {holes} can be filled"
+    text = f"{result.filled:,} of {holes} {'are' if verb == 'is' and result.filled != 1 else verb} filled"
     if left:
         unfilled = [hole.reason.partition(";")[0] for hole in result.holes if not hole.filled]
         reasons = Counter(reason or "no reason known" for reason in unfilled)

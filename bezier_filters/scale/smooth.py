@@ -32,7 +32,9 @@ from bezier_filters.scale.run import FileRun, RunOptions, StageProgress, file_ru
 from bezier_filters.scale.source import SourcePath, open_source
 from bezier_filters.scale.store import Store
 from bezier_filters.scale.stored_surface import (
+    ERROR,
     FINISH_RINGS,
+    NOISE,
     SHARPNESS,
     SmoothingRun,
     StoredSurface,
@@ -43,7 +45,7 @@ from bezier_filters.scale.tiles import Tile, TileReport, open_tile, table_of
 from bezier_filters.smoothing.denoise import SmoothingOptions
 from bezier_filters.smoothing.flipped_faces import bad_faces, repair_flipped_faces
 from bezier_filters.smoothing.intersections import reduce_intersections
-from bezier_filters.smoothing.rounds import denoise_surface
+from bezier_filters.smoothing.rounds import denoise_surface, join_errors
 from bezier_filters.smoothing.smooth import (
     SmoothedBorders,
     SmoothingMethod,
@@ -64,7 +66,7 @@ from bezier_filters.surface_model.fit_options import FitOptions
 
 DISPLACEMENT = PREFIX + "displacement"  # column of the displacement
 PAPER_OPTIONS = FitOptions(rings=2, alpha=0.8, smoothness="paper")  # as ``bezier_filters.smooth(..., method="paper")``
-STORE_BYTES = {"auto": (90, 56), "paper": (0, 64)}  # bytes per vertex in the store, once and per iteration
+STORE_BYTES = {"auto": (90, 72), "paper": (0, 64)}  # bytes per vertex in the store, once and per iteration
 SMOOTHING_TILE_VERTICES = 5 << 18  # vertices; larger tiles, as the halos of the automatic smoothing are wide
 # counts of faces in the report
 FACE_COUNTS = ("flipped before", "flipped after", "degenerate before", "degenerate after", "new")
@@ -187,8 +189,7 @@ def _smooth_automatically(run: FileRun, iterations: int, options: SmoothingOptio
             steps = volume_steps(sums[:, 0], sums[:, 1:])
     of_steps = None if steps is None else save_array(results / "steps.bin", steps)
     finish = partial(finish_tile, mesh, surface.store, folders, fixed, components, of_steps)
-    store, done = run_round(run, "finish", results / "finish", finish)
-    left = StoredSurface(common, store).learn_noise()
+    _, done = run_round(run, "finish", results / "finish", finish)
     run.write(done.tiles)
     warnings = []
     if known is None and not any(tile.rows()[DISPLACEMENT].any() for tile in done.tiles):
@@ -200,7 +201,9 @@ def _smooth_automatically(run: FileRun, iterations: int, options: SmoothingOptio
         "warnings": warnings,
         "noise": {
             "before": None if known is None else known.sigma,
-            "after": None if left is None else left.sigma_in_ranges_of(known or left),
+            "after": None
+            if known is None
+            else float(np.sqrt(done.sums("squared_error")[0] / mesh.layout.vertex_count)),
             "length": None if known is None else known.length,
             "heavy": known is not None and known.heavy,
         },
@@ -248,9 +251,17 @@ def finish_tile(
     was, now = (bad_faces(one) for one in (mesh, mesh.move(points)))
     bad = (was.flipped, now.flipped, was.degenerate, now.degenerate, now.new_since(was))
     moved = np.linalg.norm(points[own] - mesh.vertices[own], axis=1)
-    sharpness = np.max([open_tile(folder, tile).rows()[SHARPNESS] for folder in folders], axis=0)
+    sharpness, error = np.zeros((2, len(moved)))
+    for folder in folders:
+        of_round = open_tile(folder, tile).rows()
+        sharpness = np.maximum(sharpness, of_round[SHARPNESS])
+        error = join_errors(error, of_round[NOISE], of_round[ERROR])
     rows = table_of(points[own], {QUALITY: moved, DISPLACEMENT: moved, SHARPNESS: sharpness})
-    sums = {"volume": [volume], "faces": [float(faces[of_tile].sum()) for faces in bad]}
+    sums = {
+        "squared_error": [float(error @ error)],
+        "volume": [volume],
+        "faces": [float(faces[of_tile].sum()) for faces in bad],
+    }
     return rows, TileReport(tile, len(part.ids), sums)
 
 

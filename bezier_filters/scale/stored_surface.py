@@ -46,6 +46,7 @@ from bezier_filters.smoothing.volume import (
 )
 
 SHARPNESS = PREFIX + "sharpness"  # column of the weight of sharp estimates
+NOISE, ERROR = "noise", "error"  # columns of `DenoisedMesh`
 # halo for the repair of flipped faces: a few times `REPAIR_RINGS` of `smoothing.flipped_faces`
 FINISH_RINGS = 8
 
@@ -115,7 +116,7 @@ class StoredSurface:
         plan = None if learned is None else learned[0]
         reach, folder = halo_rings(plan) + (FINISH_RINGS if unfold else 0), common.results / f"smooth-{name}"
         components, fixed = common.components if common.is_last else None, options.borders == "fixed"
-        job = partial(smooth_tile, run.store, store, plan, reach, fixed, unfold, components)
+        job = partial(smooth_tile, run.store, store, plan, noise.sigma, reach, fixed, unfold, components)
         smooth, done = run_round(run, "smooth", folder, job)
         return replace(self, store=smooth, done=done, folders=(*self.folders, folder), reach=reach)
 
@@ -183,20 +184,21 @@ def _mesh_part(store: Store, part: TilePart, mesh: PreparedMesh) -> MeshPart:
     return MeshPart(mesh, store.sources(part.ids), part.cut, core, store.layout.vertex_count)
 
 
-def _denoise_part(store: Store, part: TilePart, plan: SmoothingPlan) -> tuple[FloatArray, FloatArray]:
-    """Denoised vertices of a part, (k, 3), and weights of sharp estimates, (k,)."""
+def _denoise_part(store: Store, part: TilePart, plan: SmoothingPlan) -> DenoisedMesh:
+    """A part without its noise."""
     mesh = prepare_mesh(part.mesh)
     ordered = cuthill_mckee_order(mesh)  # faster than the Morton order for repeated filters
     piece = reorder_part(_mesh_part(store, part, mesh), ordered)
     del mesh  # saves memory
     found = denoise(piece, plan)
-    return ordered.restore_order(found.points), ordered.restore_order(found.sharpness)
+    return DenoisedMesh(**{name: ordered.restore_order(values) for name, values in vars(found).items()})
 
 
 def smooth_tile(
     first: Store,
     current: Store,
     plan: SmoothingPlan | None,
+    sigma: float,
     reach: int,
     fixed: bool,
     unfold: bool,
@@ -206,20 +208,24 @@ def smooth_tile(
     """Smoothed vertices of a tile after a round, and weights of sharp estimates.
 
     `first` and `current` are the mesh before all rounds and before this one, the latter possibly without outliers.
-    There is no plan without significant noise. `reach` is the width of the halo in rings. Fixed borders stay. `unfold`
-    removes folds that outliers have left. The volumes of closed components are reported if `stored` is given.
+    There is no plan without significant noise, of the standard deviation `sigma`. `reach` is the width of the halo in
+    rings. Fixed borders stay. `unfold` removes folds that outliers have left. The volumes of closed components are
+    reported if `stored` is given.
     """
     part = tile_part(current, tile, reach)
     mesh, own = prepare_mesh(part.mesh), part.own
-    points, sharpness = mesh.vertices, np.zeros(len(part.ids))
+    n = len(part.ids)
+    found = DenoisedMesh(mesh.vertices, np.zeros(n), *np.full((2, n), sigma))
     if plan is not None:
-        points, sharpness = _denoise_part(current, part, plan)
+        found = _denoise_part(current, part, plan)
+    points = found.points
     movable = movable_vertices(mesh, fixed)
     if unfold:
         points = unfold_surface(mesh, points)
     if fixed:
         points = np.where(movable[:, np.newaxis], points, first.coordinates_of(part.ids))
-    rows = table_of(points[own], {SHARPNESS: sharpness[own]})
+    columns = {SHARPNESS: found.sharpness, NOISE: found.noise, ERROR: found.error}
+    rows = table_of(points[own], {name: values[own] for name, values in columns.items()})
     sums: dict[str, list[float]] = {}
     if stored is not None:
         before = omit_outliers(mesh.move(first.coordinates_of(part.ids)), points)

@@ -107,6 +107,7 @@ class SmoothingPlan:
     kinds: tuple[int, ...]  # kinds of estimates that reduce the risk
     noise_factor: float  # ratio of the actual to the assumed standard deviation of the noise
     overall: FloatArray  # (kinds,): risks of these estimates, see `overall_risks`
+    remaining: float  # expected root mean square error over the assumed standard deviation of the noise
     sliding: TangentialMotion
     # standard deviation of the noise across the border, a length; None if its moves are not restricted
     border_sigma: float | None
@@ -121,6 +122,7 @@ class DenoisedMesh:
     points: FloatArray  # (n, 3): coordinates
     sharpness: FloatArray  # (n,): 0 where the smooth estimates were used, 1 where the sharpest one was used
     noise: FloatArray  # (n,): standard deviation of the noise, a length; 0 where nothing is known to be noise
+    error: FloatArray  # (n,): expected error of the points along the normal, a length
 
 
 def remove_noise(
@@ -141,7 +143,7 @@ def remove_noise(
     learned = learn_and_denoise(parts, noise, options, progress=shown)
     if learned is None:
         n = mesh.vertex_count
-        return DenoisedMesh(mesh.vertices.copy(), np.zeros(n), np.full(n, noise.sigma))
+        return DenoisedMesh(mesh.vertices.copy(), np.zeros(n), *np.full((2, n), noise.sigma))
     plan, result = learned
     if is_whole:
         return result
@@ -223,9 +225,13 @@ def learn_and_denoise(
     found = [found[k] for k in sorted(kept)]
     if found[-1].kind != PATCH_KIND:
         patches = None
-    overall = overall_risks(_stack_estimates(noisy, found, factor), parts.core)
+    estimates = _stack_estimates(noisy, found, factor)
+    overall = overall_risks(estimates, parts.core)
+    # Residuals agree with noise times `factor`: Stein's risk of the best estimate is its leverage then.
+    leverage = float(estimates.means(parts.core)[1][overall.argmin()])
+    remaining = factor * float(np.sqrt(np.clip(leverage, 0.0, 1.0)))
     kinds = tuple(candidate.kind for candidate in found)
-    result = _mixture(parts.mesh, noisy, found, factor, overall, scale)
+    result = _mixture(parts.mesh, noisy, found, factor, overall, remaining, scale)
     if noise.rounding is not None:
         result = _project_on_rounding(parts, result, filters, noise.rounding, center, scale)
     sliding = TangentialMotion.ALL
@@ -237,7 +243,19 @@ def learn_and_denoise(
     across = None if noise.heavy or options.is_cloud else learn_border_noise(parts, noise.sigma)
     time_scale = clusters.time_scale
     plan = SmoothingPlan(
-        center, scale, time_scale, levels, low_pass, kinds, factor, overall, sliding, across, options.is_cloud, patches
+        center,
+        scale,
+        time_scale,
+        levels,
+        low_pass,
+        kinds,
+        factor,
+        overall,
+        remaining,
+        sliding,
+        across,
+        options.is_cloud,
+        patches,
     )
     report(progress, PROGRESS_STEPS, PROGRESS_STEPS)
     return plan, _restrict(parts, result, plan)
@@ -261,7 +279,7 @@ def denoise(
     found = list(estimates)
     if plan.patches is not None:
         found.append(patch_candidate(noisy, found, plan.patches))
-    result = _mixture(part.mesh, noisy, found, plan.noise_factor, plan.overall, plan.scale)
+    result = _mixture(part.mesh, noisy, found, plan.noise_factor, plan.overall, plan.remaining, plan.scale)
     if rounding is not None and kept is not None:
         result = _project_on_rounding(part, result, kept, rounding, plan.center, plan.scale)
     report(progress, PROGRESS_STEPS, PROGRESS_STEPS)
@@ -323,9 +341,15 @@ def _stack_estimates(noisy: NoisyMesh, found: list[Candidate], factor: float = 1
 
 
 def _mixture(
-    mesh: PreparedMesh, noisy: NoisyMesh, found: list[Candidate], factor: float, overall: FloatArray, scale: float
+    mesh: PreparedMesh,
+    noisy: NoisyMesh,
+    found: list[Candidate],
+    factor: float,
+    overall: FloatArray,
+    remaining: float,
+    scale: float,
 ) -> DenoisedMesh:
-    """Mix estimates by their risks around every vertex."""
+    """Mix estimates by their risks around every vertex; `remaining` is the expected error over the noise."""
     shares = np.ones((mesh.vertex_count, 1), dtype=np.float32)
     if len(found) > 1:
         shares = shares_of(noisy, _stack_estimates(noisy, found, factor), overall)
@@ -333,4 +357,5 @@ def _mixture(
     for k, candidate in enumerate(found):
         points += shares[:, [k]] * (candidate.moves / np.float64(scale))  # a scale that may exceed single precision
     sharpness = np.einsum("ns,s->n", shares, np.array([KIND_SHARPNESS[candidate.kind] for candidate in found]))
-    return DenoisedMesh(points, sharpness, noisy.sigma / scale)
+    sigma = noisy.sigma / scale
+    return DenoisedMesh(points, sharpness, sigma, remaining * sigma)

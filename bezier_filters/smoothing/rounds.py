@@ -83,7 +83,7 @@ def denoise_mesh(
 ) -> DenoisedMesh:
     """Remove the outliers and the noise of a mesh in memory: `denoise_surface`."""
     return denoise_surface(
-        _MeshInMemory(mesh, *np.zeros((2, mesh.vertex_count))), noise, options, progress=progress
+        _MeshInMemory(mesh, *np.zeros((3, mesh.vertex_count))), noise, options, progress=progress
     ).result
 
 
@@ -139,7 +139,7 @@ def _choose_outliers_or_noise(
         )
         return float(np.abs(heights).sum()), float(np.linalg.norm(distances))
 
-    surface = _MeshInMemory(mesh, *np.zeros((2, mesh.vertex_count)))
+    surface = _MeshInMemory(mesh, *np.zeros((3, mesh.vertex_count)))
     without = _denoise_in_rounds(surface, noise, options).result
     noise_with_them = surface.learn_noise(options.sigma, robust=False)
     as_noise = _denoise_in_rounds(surface, noise_with_them, options, progress=progress).result
@@ -156,10 +156,11 @@ class _MeshInMemory:
     # (n,): see `DenoisedMesh`
     sharpness: FloatArray
     noise: FloatArray
+    error: FloatArray
 
     @property
     def result(self) -> DenoisedMesh:
-        return DenoisedMesh(self.mesh.vertices, self.sharpness, self.noise)
+        return DenoisedMesh(self.mesh.vertices, self.sharpness, self.noise, self.error)
 
     def learn_noise(self, sigma: float | None = None, robust: bool | None = None) -> NoiseModel | None:
         return learn_mesh_noise(self.mesh, sigma, robust)
@@ -180,7 +181,10 @@ class _MeshInMemory:
         found = remove_noise(self.mesh, noise, options, progress=progress)
         points = unfold_surface(self.mesh, found.points) if unfold else found.points
         return _MeshInMemory(
-            self.mesh.move(points), np.maximum(self.sharpness, found.sharpness), np.hypot(self.noise, found.noise)
+            self.mesh.move(points),
+            np.maximum(self.sharpness, found.sharpness),
+            np.hypot(self.noise, found.noise),
+            join_errors(self.error, found.noise, found.error),
         )
 
     def remove_impulses(self, smooth: "_MeshInMemory", impulses: Impulses) -> "_MeshInMemory":
@@ -189,7 +193,20 @@ class _MeshInMemory:
 
     def reuse_if_whole(self, parts: MeshPart, denoised: DenoisedMesh) -> "_MeshInMemory | None":
         is_whole = parts.mesh is self.mesh
-        return _MeshInMemory(self.mesh.move(denoised.points), denoised.sharpness, denoised.noise) if is_whole else None
+        if not is_whole:
+            return None
+        return _MeshInMemory(self.mesh.move(denoised.points), denoised.sharpness, denoised.noise, denoised.error)
+
+
+def join_errors(before: FloatArray, noise: FloatArray, after: FloatArray) -> FloatArray:
+    """Errors (n,) after a round, given those before, the noise that it found in them, and what it leaves of that.
+
+    What it does not find stays: noise that is smooth, and the blur of the rounds before.
+
+    >>> join_errors(np.array([0.0, 5.0]), np.array([1.0, 4.0]), np.array([0.1, 4.0])).tolist()
+    [0.1, 5.0]
+    """
+    return np.asarray(np.sqrt(np.square(after) + np.maximum(np.square(before) - np.square(noise), 0.0)))
 
 
 def move_mesh_outliers(mesh: PreparedMesh) -> PreparedMesh:

@@ -28,7 +28,7 @@ from bezier_filters.smoothing.denoise import SmoothingOptions
 from bezier_filters.smoothing.flipped_faces import bad_faces, repair_flipped_faces
 from bezier_filters.smoothing.intersections import reduce_intersections
 from bezier_filters.smoothing.move_limits import MAX_MOVE_SIGMAS
-from bezier_filters.smoothing.rounds import denoise_mesh
+from bezier_filters.smoothing.rounds import denoise_mesh, join_errors
 from bezier_filters.smoothing.volume import (
     ClosedComponents,
     component_volumes,
@@ -94,8 +94,10 @@ class SmoothingResult(_ChangeMeasures, TabularResult):
         From 0, where a smooth estimate of the surface was used, to 1, where the sharpest one was used; 0 with
         ``method="paper"``.
     noise_before, noise_after : float or None
-        Standard deviation of the noise along the normal, a length; None if it could not be learned. Noise after is
-        that of ranges up to those before: smoother noise, if smoothing left some, cannot be told from detail.
+        Standard deviation of the noise along the normal, a length; None if it could not be learned. After, it is the
+        root mean square of the error that the smoothed vertices have left along the normal, as expected by Stein's
+        risk estimate: the noise that is averaged less than fully, and the shape that is lost. With ``method="paper"``
+        it is that of the noise in the result, of ranges up to those before: smoother noise is like detail.
     noise_length : float or None
         Distance over which the noise before is correlated; 0 if it is independent from vertex to vertex.
     noise_heavy : bool
@@ -299,7 +301,7 @@ def smooth(
     movable = np.ones(n, dtype=np.bool_) if selected is None else check_selection(selected, n)[ordered.order]
     if borders == "fixed":
         movable = movable & ~mesh.adjacency.on_boundary
-    points, sharpness, sigma = mesh.vertices, *np.zeros((2, n))
+    points, sharpness, sigma, error = mesh.vertices, *np.zeros((3, n))
     with first_call():
         known, done = learn_mesh_noise(mesh, noise), 0
         for k in range(iterations):
@@ -310,7 +312,7 @@ def smooth(
                 options = SmoothingOptions(borders, detail, relax, noise if k == 0 else None, is_cloud=is_cloud)
                 found = denoise_mesh(current, here, options, progress=part)
                 points, sharpness = found.points, np.maximum(sharpness, found.sharpness)
-                sigma = np.hypot(sigma, found.noise)
+                sigma, error = np.hypot(sigma, found.noise), join_errors(error, found.noise, found.error)
             else:
                 moves = fit_patches(current, ring_count, fit, progress=part).displacements
                 points = points + admissible_displacements(current, moves)
@@ -335,7 +337,11 @@ def smooth(
             points = np.where(unlike[:, np.newaxis], mesh.vertices, points)
         smoothed = mesh.move(points)
         volumes_after = component_volumes(components, smoothed)
-        left = learn_mesh_noise(smoothed)
+        noise_after = None
+        if known is not None and method == "auto":
+            noise_after = float(np.sqrt(np.square(np.where(movable, error, sigma)).mean())) if n else 0.0
+        elif method == "paper" and (left := learn_mesh_noise(smoothed)) is not None:
+            noise_after = left.sigma_in_ranges_of(known or left)
         bad_before, bad_after = (bad_faces(prepare_mesh(shape) if is_cloud else one) for one in (mesh, smoothed))
         has_volume = components.count and not is_cloud
         return SmoothingResult(
@@ -345,7 +351,7 @@ def smooth(
             outliers=ordered.restore_order(is_outlier),
             sharpness=ordered.restore_order(sharpness),
             noise_before=None if known is None else known.sigma,
-            noise_after=None if left is None else left.sigma_in_ranges_of(known or left),
+            noise_after=noise_after,
             noise_length=None if known is None else known.length,
             noise_heavy=known is not None and known.heavy,
             noise_reason="" if known is not None else explain_unknown_noise(mesh),

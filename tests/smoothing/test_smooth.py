@@ -74,13 +74,25 @@ def test_sharp_edges_stay_sharp(block, smoothed):
     assert np.sqrt(np.square(distance).mean()) < 0.1 * edge_of(clean, faces)
 
 
-def test_noise_is_told_before_and_after(block, smoothed):
+def test_noise_before_and_bad_faces_are_stated(block, smoothed):
     (_, noisy, faces), result = block, smoothed
-    unit = edge_of(noisy, faces)
-    assert result.noise_before == pytest.approx(0.2 * unit, rel=0.3)
-    assert result.noise_after < 0.02 * unit
+    assert result.noise_before == pytest.approx(0.2 * edge_of(noisy, faces), rel=0.3)
     assert result.flipped_after <= result.flipped_before
     assert result.new_bad_faces == 0
+
+
+@pytest.mark.parametrize("level", [0.05, 0.2, 0.5])
+@pytest.mark.parametrize("body", [bumpy_star(resolution=16, jitter=0.3, seed=3), sphere(resolution=20, jitter=0.2)])
+def test_noise_after_is_the_error_of_the_smoothed_vertices(body, level):
+    result = smooth(with_noise(body.vertices, body.faces, body.normals, level, seed=8), body.faces)
+    error = np.einsum("ij,ij->i", result.vertices - body.vertices, body.normals)
+    assert result.noise_after == pytest.approx(np.sqrt(np.square(error).mean()), rel=0.5)
+
+
+def test_noise_stays_where_nothing_moves(block):
+    _, noisy, faces = block
+    result = smooth(noisy, faces, selected=np.zeros(len(noisy), dtype=bool))
+    assert result.noise_after == pytest.approx(result.noise_before, rel=0.1)
 
 
 def test_a_body_of_two_kinds_is_treated_as_such(block):
