@@ -147,7 +147,11 @@ def pipe_callback(suffix: str) -> Callable[[typer.Context, Path | None], Path | 
 
 
 def check_target(target: Path, *sources: Path, overwrite: bool) -> None:
-    """Refuse to overwrite an input or a write-protected file, unless `overwrite` is given."""
+    """Refuse to overwrite an input or a write-protected file, unless `overwrite` is given, and missing folders."""
+    if not target.parent.is_dir():
+        raise InvalidParameterError(
+            f"cannot write {printable_path(target)}: there is no directory {printable_path(target.parent)}"
+        )
     if overwrite or not target.exists():
         return
     if any(source.exists() and target.samefile(source) for source in sources):

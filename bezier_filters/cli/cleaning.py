@@ -55,7 +55,7 @@ def clean(
 ) -> None:
     """Clean a scan: fill its holes, then remove its noise.
 
-    It is fill-holes and then smooth. Holes come first: a fill continues the surface below the noise, and smoothing then
+    It is fill-holes and then smooth; of a point cloud, smooth alone. Holes come first: a fill continues the surface below the noise, and smoothing then
     treats the rims like all other vertices. The outer rim of an open sheet stays, unless --outer-rims. Old vertices and
     faces come first, in their order.
     """
@@ -71,10 +71,12 @@ def clean(
     with console.stages(quiet=quiet or json) as stage:
         stage(f"reading {printable_name(source)}")
         ms = bf.load_mesh(source, skip=skip)
-        filling = {name: given[name] for name in (*_FILLING, "repair")}
-        filled = bf.meshing_close_holes_by_bezier_patch(
-            ms, progress=stage(f"filling {printable_name(source)}"), **filling, **shared
-        )
+        filled: dict[str, Any] = {}
+        if ms.current_mesh().face_number():  # a point cloud has no holes
+            filling = {name: given[name] for name in (*_FILLING, "repair")}
+            filled = bf.meshing_close_holes_by_bezier_patch(
+                ms, progress=stage(f"filling {printable_name(source)}"), **filling, **shared
+            )
         smoothed = bf.apply_coord_bezier_patch_smoothing(
             ms, progress=stage(f"smoothing {printable_name(source)}"), detail=given["detail"], **shared
         )
@@ -82,15 +84,16 @@ def clean(
         remarks = bf.save_mesh(ms, target, compact=True)
         if page is not None:
             write_page(source, page, stage, cleaned=target, skip=skip)
-    report = {name: filled[name] + smoothed[name] for name in ("remarks", "warnings")}
+    report = {name: filled.get(name, []) + smoothed[name] for name in ("remarks", "warnings")}
     if json:
         shown = None if page is None else user_path(page)
         paths = {"input": user_path(source), "output": user_path(target), "page": shown}
         console.print_json(paths | {"fill": filled, "smooth": smoothed} | report)
     elif not quiet:
-        console.print_holes(filled, printable_path(source), verbose=verbose)
+        if filled:
+            console.print_holes(filled, printable_path(source), verbose=verbose)
         console.print_smoothing(smoothed, printable_path(source), verbose=verbose)
-        seconds = {"fill": sum(filled["seconds"].values()), "smooth": sum(smoothed["seconds"].values())}
+        seconds = {"fill": sum(filled.get("seconds", {}).values()), "smooth": sum(smoothed["seconds"].values())}
         console.print_written({"seconds": seconds}, printable_path(target))
         if page is not None:
             console.out().print(f"wrote [bold]{console.escape(printable_path(page))}[/]; open it in a browser")

@@ -201,7 +201,7 @@ def demo(
     from bezier_filters.pictures.demo import paths, run_demo
 
     *_, picture = written = paths(out, source)
-    for path in written:
+    for path in filter(Path.exists, written):  # the folder is made
         check_target(path, *filter(None, [source]), overwrite=overwrite)
     files: list[Report] = []
     warnings: list[str] = []

@@ -104,6 +104,17 @@ def load_columns(path: Path, *, skip: bool) -> tuple[MeshSet, dict[str, FloatArr
         return meshset, _columns_of(file, kept, meshset.current_mesh().vertex_number())
 
 
+def _reason_in_words(error: Exception) -> str:
+    """Why pymeshlab cannot read a file."""
+    reason = reason_of(error)
+    if not reason.startswith("Unknown format"):
+        return reason
+    return (
+        "its name ends in no format of meshes or points that is read, such as .ply, .obj, .stl, .off, .glb, .vtp, "
+        ".xyz, .pcd or .las; CAD files, volumes and masks need a surface of triangles first"
+    )
+
+
 def _load_rows(path: Path, *, skip: bool) -> tuple[MeshSet, BoolArray | None]:
     """Load a mesh without its columns; also returns a mask of the vertices of the file that it has, None for all."""
     meshset = MeshSet()
@@ -143,7 +154,7 @@ def _load_rows(path: Path, *, skip: bool) -> tuple[MeshSet, BoolArray | None]:
     except BezierFilterError:
         raise
     except (PyMeshLabException, RuntimeError, IndexError) as error:
-        raise BezierFilterError(f"cannot read {printable_path(path)}: {reason_of(error)}") from error
+        raise BezierFilterError(f"cannot read {printable_path(path)}: {_reason_in_words(error)}") from error
     if not np.isfinite(mesh.vertex_matrix()).all():
         raise BezierFilterError(f"cannot read {printable_path(path)}: it has vertices without finite coordinates")
     faces = mesh.face_matrix()

@@ -96,7 +96,7 @@ def check_field(files: Sequence[MeshFile], name: str) -> None:
     if not any(name in file.columns or name in file.names() for file in files):
         have = dict.fromkeys(other for file in files for other in file.names())
         paths = ", ".join(printable_path(file.path) for file in files)
-        remedy = "; commands such as curvature give it one" if name == QUALITY else ""
+        remedy = "; commands such as curvature give it one" if name.startswith((QUALITY, PREFIX)) else ""
         raise InvalidParameterError(f"field: {paths} has no {name!r}; it has {', '.join(have)}{remedy}")
 
 

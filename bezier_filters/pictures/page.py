@@ -108,11 +108,12 @@ def report_page(
     vertices, faces = mesh.vertices, mesh.faces
     normals = None if len(faces) else np.nan_to_num(mesh.vertex_normals)
     geometry = estimate_vertex_geometry(vertices, faces, normals=normals, progress=stage("curvature"))
-    creases = smoothed = filled = None
+    creases = filled = None
     if len(faces):
         stage("sharp edges, ridges and ravines")
         creases = find_creases(vertices, faces, geometry)
-        smoothed = smooth(vertices, faces, progress=stage("smoothing"))
+    smoothed = smooth(vertices, faces, progress=stage("smoothing"))
+    if len(faces):
         filled = fill_holes(vertices, faces, progress=stage("filling holes"))
     stage("writing the page" if len(faces) <= most_faces else f"choosing {most_faces:,} faces to draw")
     sentences = verdict(source or title, smoothed, filled, findings, can_be_repaired=can_be_repaired, cleaned=cleaned)

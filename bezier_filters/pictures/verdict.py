@@ -28,8 +28,10 @@ def verdict(
     Where the file is cleaned already, they have no commands.
     """
     name = shlex.quote(source)
-    if smoothed is None or filled is None:
-        sentences = [("A point cloud has no faces: its noise and its holes are not measured.", "")]
+    if smoothed is None:
+        sentences = [("The noise is not measured.", "")]
+    elif filled is None:
+        sentences = [_noise(name, smoothed), ("A point cloud has no faces, and so no holes.", "")]
     else:
         sentences = [_noise(name, smoothed), _holes(name, filled, "is" if cleaned else "can be")]
     if cleaned:

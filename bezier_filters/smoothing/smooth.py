@@ -298,6 +298,7 @@ def smooth(
         ordered = ensure_locality(cloud_surface(shape) if is_cloud else prepare_mesh(shape))
     mesh = prepare_mesh(ordered.mesh)
     n = mesh.vertex_count
+    check_noise_fits(noise, mesh.vertices)
     movable = np.ones(n, dtype=np.bool_) if selected is None else check_selection(selected, n)[ordered.order]
     if borders == "fixed":
         movable = movable & ~mesh.adjacency.on_boundary
@@ -371,6 +372,15 @@ def smooth(
 def unknown_noise(reason: str) -> str:
     """Warning that nothing was smoothed, as the noise could not be learned for a reason."""
     return f"nothing was smoothed, as the noise is not known ({reason})"
+
+
+def check_noise_fits(noise: float | None, vertices: FloatArray) -> None:
+    """Refuse noise (a length, or None) that is larger than a mesh with vertices (n, 3): it has another unit."""
+    size = float(np.linalg.norm(np.ptp(vertices, axis=0))) if len(vertices) else 0.0
+    if noise is not None and noise > size > 0.0:
+        raise InvalidParameterError(
+            f"noise: got {noise:g}, where all of the mesh is {size:.3g} across; give it in the unit of the coordinates"
+        )
 
 
 def admissible_displacements(mesh: PreparedMesh, displacements: FloatArray) -> FloatArray:

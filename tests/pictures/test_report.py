@@ -174,7 +174,7 @@ def test_points_have_a_report_too(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert run("report", "points.ply", "-q").returncode == 0
     data = data_of(tmp_path / "points.html")
-    assert set(data["meshes"]) == {"scan"}
+    assert set(data["meshes"]) == {"scan", "smoothed"}
     assert data["comparisons"] == []
 
 
