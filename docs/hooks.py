@@ -19,7 +19,7 @@ import bezier_filters as bf
 from bezier_filters.cli.commands import app
 
 sys.path.append(str(Path(__file__).parents[1] / "tools"))
-from notebook_cells import FOLDER, Cell, run_notebook
+from notebook_cells import FOLDER, run_notebook
 
 ROOT = Path(__file__).parent.parent
 EXAMPLES = sorted((ROOT / "examples").glob("ex*.py"))
@@ -148,14 +148,16 @@ def notebook_files(path: Path) -> Iterator[tuple[str, str]]:
                 parts.append(cell.source)
                 continue
             parts.append(f"```python\n{cell.source}\n```")
+            if cell.printed:
+                parts.append(f"```text\n{cell.printed.rstrip()}\n```")
             if isinstance(cell.shown, bf.Page):
                 name = f"{path.stem}_{number}.html"
                 yield name, cell.shown.html
                 parts.append(f'<iframe class="mesh" src="{name}" title="The mesh" loading="lazy"></iframe>')
-                cell = Cell(True, cell.source, cell.printed)
-            if text := f"{cell.printed}{'' if cell.shown is None else cell.shown}".strip():
-                parts.append(f"```text\n{text}\n```")
-    parts.insert(1, f"[The notebook]({path.name}){{ .md-button download }}")
+            elif cell.shown is not None:
+                html = getattr(cell.shown, "_repr_html_", None)
+                parts.append(html() if html else f"```text\n{cell.shown}\n```")
+    parts.insert(1, f"[Download the notebook]({path.name}){{ download }} to run and change it.")
     yield f"{path.stem}.md", "\n\n".join(parts)
 
 
