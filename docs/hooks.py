@@ -1,4 +1,4 @@
-"""Pages of the site that are generated when it is built: gallery, command line, decisions."""
+"""Pages of the site that are generated when it is built: gallery, notebooks, command line, decisions."""
 
 import ast
 import re
@@ -15,10 +15,15 @@ import typer
 from latex2mathml.converter import convert
 from mkdocs.structure.files import File, Files
 
+import bezier_filters as bf
 from bezier_filters.cli.commands import app
+
+sys.path.append(str(Path(__file__).parents[1] / "tools"))
+from notebook_cells import FOLDER, run_notebook
 
 ROOT = Path(__file__).parent.parent
 EXAMPLES = sorted((ROOT / "examples").glob("ex*.py"))
+NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
 RESULTS = ROOT / "benchmarks" / "results"
 
 
@@ -31,7 +36,9 @@ def on_config(config: Any) -> None:
         for path in sorted((docs / "decisions" / "appendix").glob("*.md"))
     ]
     config.nav.insert(-2, {"Decisions": [*decisions, {"Appendices": appendices}]})
-    config.watch += [str(ROOT / "examples"), str(ROOT / "bezier_filters")]
+    (entry,) = (entry for entry in config.nav if "Notebooks" in entry)
+    entry["Notebooks"] = [entry["Notebooks"], *(f"notebooks/{path.stem}.md" for path in NOTEBOOKS)]
+    config.watch += [str(ROOT / "examples"), str(ROOT / "notebooks"), str(ROOT / "bezier_filters")]
 
 
 def _title(path: Path) -> str:
@@ -39,11 +46,15 @@ def _title(path: Path) -> str:
 
 
 def on_files(files: Files, *, config: Any) -> Files:
-    """Add the gallery with its pictures, the command line, and plots of the benchmarks."""
+    """Add the gallery with its pictures, the notebooks, the command line, and plots of the benchmarks."""
     files.append(File.generated(config, "command_line.md", content=command_line()))
     files.append(File.generated(config, "gallery.md", content=gallery()))
     for name, picture in pictures():
         files.append(File.generated(config, f"gallery/{name}", content=picture))
+    for path in NOTEBOOKS:
+        files.append(File.generated(config, f"notebooks/{path.name}", content=path.read_bytes()))
+        for name, content in notebook_files(path):
+            files.append(File.generated(config, f"notebooks/{name}", content=content))
     for plot in RESULTS.glob("*.png"):
         files.append(File.generated(config, f"results/{plot.name}", content=plot.read_bytes()))
     return files
@@ -126,6 +137,28 @@ def gallery() -> str:
         parts += [f"![{heading}](gallery/{name})" for name in shown]
         parts.append(f'??? example "{path.name}"\n\n    ```python\n{_indented(code)}\n    ```')
     return "\n\n".join(parts)
+
+
+def notebook_files(path: Path) -> Iterator[tuple[str, str]]:
+    """A page with the cells of a notebook and their results, and the pages that it shows, by name."""
+    parts = []
+    with tempfile.TemporaryDirectory() as folder:
+        for number, cell in enumerate(run_notebook(path, Path(folder))):
+            if not cell.is_code:
+                parts.append(cell.source)
+                continue
+            parts.append(f"```python\n{cell.source}\n```")
+            if cell.printed:
+                parts.append(f"```text\n{cell.printed.rstrip()}\n```")
+            if isinstance(cell.shown, bf.Page):
+                name = f"{path.stem}_{number}.html"
+                yield name, cell.shown.html
+                parts.append(f'<iframe class="mesh" src="{name}" title="The mesh" loading="lazy"></iframe>')
+            elif cell.shown is not None:
+                html = getattr(cell.shown, "_repr_html_", None)
+                parts.append(html() if html else f"```text\n{cell.shown}\n```")
+    parts.insert(1, f"[Download the notebook]({path.name}){{ download }} to run and change it.")
+    yield f"{path.stem}.md", "\n\n".join(parts)
 
 
 def _indented(code: str) -> str:

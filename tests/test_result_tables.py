@@ -15,7 +15,8 @@ SMOOTHED = bf.smooth(SHAPE, "paper")
 FILLED = bf.fill_holes(SHAPE.vertices, SHAPE.faces[6:])
 CREASES = bf.find_creases(*block_with_sharp_edges(resolution=6))
 REPLACED = bf.replace_selection(SHAPE, np.arange(len(SHAPE.faces)) < 6)
-RESULTS = [GEOMETRY, SMOOTHED, FILLED, CREASES, REPLACED]
+MESH_REPORT = bf.inspect_mesh(SHAPE)
+RESULTS = [GEOMETRY, SMOOTHED, FILLED, CREASES, REPLACED, MESH_REPORT]
 
 
 def test_text_is_a_short_table():
@@ -45,6 +46,12 @@ def test_they_follow_what_is_replaced():
     doubled = dataclasses.replace(GEOMETRY, k_min=2 * GEOMETRY.k_min, k_max=2 * GEOMETRY.k_max)
     np.testing.assert_array_equal(doubled.mean_curvature, 2 * GEOMETRY.mean_curvature)
     assert "mean_curvature" not in vars(doubled)  # computed when it is read
+
+
+def test_reports_of_meshes_have_a_row_for_each_count():
+    rows = [line.rsplit(maxsplit=1) for line in str(MESH_REPORT).splitlines()[2:]]
+    assert dict(rows)["inner vertices"] == f"{len(SHAPE.vertices):,}"
+    assert [name.replace(" ", "_") for name, _ in rows] == [field.name for field in dataclasses.fields(MESH_REPORT)]
 
 
 def test_dicts_have_plain_values():

@@ -1,6 +1,6 @@
 """Diagnosis of meshes: faults, whether curvature can be estimated, and remedies."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,6 +21,7 @@ from bezier_filters.meshes.half_edges import (
 from bezier_filters.meshes.mesh import TriangleMesh, ensure_mesh, surface_or_points
 from bezier_filters.meshes.mesh_objects import MeshLike
 from bezier_filters.meshes.triangles import area_vectors
+from bezier_filters.result_tables import Table, TabularResult
 from bezier_filters.runtime.cached_property import cached_property
 
 MIN_FIT_POINTS = 6  # points that determine a quadratic
@@ -50,7 +51,7 @@ _REPAIRABLE = {
 
 
 @dataclass(frozen=True)
-class MeshReport:
+class MeshReport(TabularResult):
     """What `inspect_mesh` found; counts of vertices, faces or edges.
 
     Attributes
@@ -104,6 +105,13 @@ class MeshReport:
     def is_coherently_oriented(self) -> bool:
         """Whether all neighbouring faces agree on which side is outside."""
         return self.incoherent_edges == 0
+
+    def _tables(self) -> list[Table]:
+        rows = [[name.replace("_", " "), value] for name, value in asdict(self).items()]
+        return [Table("Mesh", ["", "count or length"], rows)]
+
+    def _columns(self) -> dict[str, object]:
+        return {name: [value] for name, value in asdict(self).items()}
 
 
 def inspect_mesh(mesh: ArrayLike | MeshLike, faces: ArrayLike | None = None) -> MeshReport:

@@ -19,9 +19,10 @@ from bezier_filters.display import noise_level, shell_remark
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.feature_lines.crease_lines import Creases, edge_mesh, find_creases
-from bezier_filters.fields import ESTIMATES, SMOOTH, columns, values_of
+from bezier_filters.fields import DEVIATION, ESTIMATES, SMOOTH, columns, values_of
 from bezier_filters.fitting.vertex_geometry import VertexGeometry
 from bezier_filters.holes.hole_filling import HoleFillingResult, fill_holes
+from bezier_filters.inspection.deviation import Deviation
 from bezier_filters.meshes.mesh import surface_or_points, takes_meshes
 from bezier_filters.meshes.mesh_objects import MeshLike
 from bezier_filters.meshlab.hole_filter import fill_warnings
@@ -48,7 +49,7 @@ MAX_PAGE_FACES = 200_000  # that a browser turns without jerks on any machine
 MAX_PAGE_HOLES = 100  # rows of the table of holes
 _NOTEBOOK_HEIGHT_PIXELS = 640  # pixels, in a notebook
 
-Result: TypeAlias = VertexGeometry | Creases | SmoothingResult | HoleFillingResult
+Result: TypeAlias = VertexGeometry | Creases | SmoothingResult | HoleFillingResult | Deviation
 
 
 @dataclass(frozen=True, repr=False)
@@ -156,7 +157,7 @@ def show(
         library, see `mesh_arrays`, no faces.
     faces : (m, 3) array_like, optional
         Its triangles; None for a point cloud.
-    *results : VertexGeometry, Creases, SmoothingResult or HoleFillingResult
+    *results : VertexGeometry, Creases, SmoothingResult, HoleFillingResult or Deviation
         What was computed from it, at most one of each.
     title : str
         Heading of the page.
@@ -190,6 +191,7 @@ def show(
     if not mesh.vertex_count:
         raise InvalidParameterError("vertices: got none, expected one or more")
     names = {VertexGeometry: "geometry", Creases: "creases", SmoothingResult: "smoothed", HoleFillingResult: "filled"}
+    names |= {Deviation: "deviation"}
     found: dict[str, Result] = {}
     for result in results:
         got, name = type(result).__name__, names.get(type(result), "")
@@ -212,6 +214,8 @@ def _fits(result: Result, vertex_count: int) -> bool:
         return len(result.vertices) - new == len(result.old_vertices) == vertex_count
     if isinstance(result, SmoothingResult):
         return len(result.vertices) == vertex_count
+    if isinstance(result, Deviation):
+        return len(result.status) == vertex_count
     return len((result.geometry if isinstance(result, Creases) else result).status) == vertex_count
 
 
@@ -223,6 +227,7 @@ def page_of(
     creases: Creases | None = None,
     smoothed: SmoothingResult | None = None,
     filled: HoleFillingResult | None = None,
+    deviation: Deviation | None = None,
     *,
     facts: Sequence[tuple[str, str]] = (),
     findings: Sequence[str] = (),
@@ -244,6 +249,9 @@ def page_of(
     if geometry is not None:
         values |= values_of([field for field in PAGE_FIELDS if set(ESTIMATES) & set(field.filters)], geometry)
         known = np.asarray(geometry.status <= FitStatus.FOLDED)
+    if deviation is not None:
+        values |= columns(DEVIATION, deviation)
+        known &= deviation.compared
     if creases is not None:
         for kind in ("ridge", "ravine"):
             if lines := [line for line in creases.lines if line.kind == kind]:

@@ -20,6 +20,11 @@ GROUPS = {
         "shape_index": "Tells the kind of shape whatever its size: -1 cup, 0 saddle, 1 cap.",
         "geodesic_torsion": "Shows how fast the surface twists between its principal directions.",
     },
+    "Deviation": {
+        "deviation": "Shows how far the surface is from the reference: positive where there is too much.",
+        "regional_deviation": "Finds shallow defects: means over a region around each vertex.",
+        "deviation_z": "Tells deviations from noise: those beyond three are not noise. 0 where nothing is compared.",
+    },
     "Noise and smoothing": {
         "noise": "Shows what smoothing removes, outwards: it should look random; a pattern would be shape.",
         "displacement": "Shows how far smoothing moves each vertex.",

@@ -16,7 +16,7 @@ from command_line import run
 from conftest import pymeshlab_sample
 from matplotlib.image import imread
 
-from bezier_filters import Page, Panel, estimate_vertex_geometry, fill_holes, show, smooth
+from bezier_filters import Page, Panel, compare, estimate_vertex_geometry, fill_holes, show, smooth
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.meshlab.meshset import read_current_mesh
 from bezier_filters.pictures.page import page_of, report_page
@@ -351,6 +351,22 @@ class TestNotebooks:
         (shown,) = (field for field in json.loads(text)["fields"] if field["name"] == "noise")
         found = np.frombuffer(b64decode(shown["values"]), "<f4")
         assert np.corrcoef(found, noise)[0, 1] > 0.98
+
+    def test_deviations_have_standard_errors(self):
+        """A ball against one that is .01 smaller, by itself and with fields of the curvature."""
+        ball, smaller = sphere(resolution=10), sphere(radius=0.99, resolution=12)
+        found = compare(ball.vertices, ball.faces, smaller.vertices, smaller.faces)
+        page = show(ball.vertices, ball.faces, found)
+        assert page.fields == ["deviation", "regional_deviation", "deviation_z"]
+        text = re.search(r'id="data">(.*?)</script>', page.html)[1]
+        shown, regional, _ = json.loads(text)["fields"]
+        np.testing.assert_allclose(np.frombuffer(b64decode(shown["values"]), "<f4"), 0.01, atol=1e-5)
+        for field, errors in ((shown, found.distance_std), (regional, found.regional_std)):
+            np.testing.assert_allclose(np.frombuffer(b64decode(field["errors"]), "<f4"), errors, rtol=1e-6)
+        g = estimate_vertex_geometry(ball.vertices, ball.faces, rings=2)
+        assert {"deviation", "mean_curvature"} <= set(show(ball.vertices, ball.faces, g, found).fields)
+        with pytest.raises(InvalidParameterError, match="a Deviation belongs to another mesh"):
+            show(smaller.vertices, smaller.faces, found)
 
     def test_filled_holes_show_themselves(self):
         vertices, faces = arrays(torus(resolution=24))

@@ -155,6 +155,17 @@ def test_files_that_a_page_names_are_there(page):
     assert [name for name in names if not (ROOT / name).is_file()] == []
 
 
+def test_files_that_the_site_needs_are_there_and_nothing_is_loaded_from_the_network():
+    """The logo, styles and the script of the search, which the plugin for sites on disk would load by its address."""
+    settings = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
+    needed = re.findall(r"(?:logo|favicon|extra_css|polyfills): \[?([\w./-]+)", settings)
+    assert len(needed) == 4
+    assert [name for name in needed if not (ROOT / "docs" / name).is_file()] == []
+    assert any("iframe-worker" in name for name in needed)
+    assert re.search(r"^  - offline$", settings, re.MULTILINE)
+    assert "http" not in settings
+
+
 DECISIONS = sorted((ROOT / "docs" / "decisions").glob("*.md"))
 SECTIONS = ["Context", "Decision", "Why", "What lost", "Consequences"]
 

@@ -111,6 +111,7 @@ def test_the_wheel_and_the_sdist_hold_what_they_should(built):
         "CITATION.cff",
         "tests/project/test_packaging.py",
         "sample_meshes/torus.ply",
+        "notebooks/terrain.ipynb",
     } <= names
 
 
