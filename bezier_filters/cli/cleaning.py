@@ -55,9 +55,9 @@ def clean(
 ) -> None:
     """Clean a scan: fill its holes, then remove its noise.
 
-    It is fill-holes and then smooth; of a point cloud, smooth alone. Holes come first: a fill continues the surface below the noise, and smoothing then
-    treats the rims like all other vertices. The outer rim of an open sheet stays, unless --outer-rims. Old vertices and
-    faces come first, in their order.
+    It is fill-holes and then smooth; of a point cloud, smooth alone. Holes come first: a fill continues the surface
+    below the noise, and smoothing then treats the rims like all other vertices. The outer rim of an open sheet stays,
+    unless --outer-rims. Old vertices and faces come first, in their order.
     """
     from bezier_filters.meshlab.save_formats import format_of
 
