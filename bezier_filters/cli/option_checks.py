@@ -30,7 +30,7 @@ def check_options(parameters: Sequence[Parameter], given: Mapping[str, Any]) -> 
 def _check_word(name: str, value: str, kind: str) -> None:
     words = [word.strip().strip('"') for word in kind[1 : kind.index("}")].split(",")]
     if value not in words:
-        expected = (" or " if len(words) == len(("this", "that")) else ", ").join(map(repr, words))
+        expected = (" or " if len(words) == 2 else ", ").join(map(repr, words))
         raise InvalidParameterError(f"{name}: got {value!r}, expected {expected}")
 
 
