@@ -262,6 +262,4 @@ OPTIONS = QUICK_OPTIONS | {
     "compute_selection_by_bezier_crease_per_edge": {},
     "get_surface_measures_by_bezier_patch": {"repeats": 2},
 }
-CHECKS |= {
-    function.__name__: _check(check_filter, function, OPTIONS[function.__name__]) for function in FILTERS
-}
+CHECKS |= {function.__name__: _check(check_filter, function, OPTIONS[function.__name__]) for function in FILTERS}

@@ -35,6 +35,7 @@ def test_mutated_meshes(check, seed):
         ("fill_holes, auto", 95),  # a crease whose only edge at its tip is that of two faces that disagree
         ("estimate, robust", 242),  # an outlier at a crease, whose faces are lower once it is back
         ("fill_holes, auto", 1350),  # a side of a crease of coordinates below 1e-40
+        ("generate_polyline_by_bezier_patch_direction", 9161),  # a coordinate of 1e300, and a spacing in percent
     ],
 )
 def test_mutated_meshes_that_once_failed(check, seed):
