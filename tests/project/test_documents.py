@@ -234,6 +234,18 @@ def names_defined_in(path):
     return defined | {node.id for node in nodes if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)}
 
 
+@cache
+def modules_of_the_package():
+    """Paths of all modules from the package."""
+    return [path.relative_to(ROOT / "bezier_filters").as_posix() for path in (ROOT / "bezier_filters").rglob("*.py")]
+
+
+@cache
+def names_of_the_package():
+    """What any module defines."""
+    return set().union(*map(names_defined_in, modules_of_the_package()))
+
+
 def cells_of_glossary():
     """The last column of every row, without rows that name nothing."""
     rows = re.findall(r"^\|.*\|$", (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8"), re.MULTILINE)
@@ -246,10 +258,9 @@ def cells_of_glossary():
 @pytest.mark.parametrize("names", list(cells_of_glossary()))
 def test_glossary_names_what_the_code_has(names):
     """In the files of the cell or, if it has none, anywhere."""
-    every = [path.relative_to(ROOT / "bezier_filters").as_posix() for path in (ROOT / "bezier_filters").rglob("*.py")]
     files = [name for name in names if name.endswith(".py")]
-    assert set(files) <= set(every)
-    defined = set().union(*map(names_defined_in, files or every))
+    assert set(files) <= set(modules_of_the_package())
+    defined = set().union(*map(names_defined_in, files)) if files else names_of_the_package()
     assert [name for name in names if name not in files and not defined.issuperset(name.split("."))] == []
 
 
