@@ -152,7 +152,7 @@ def test_vertices_move_as_in_memory(name, tile, tmp_path):
     report = smooth_file(files, tmp_path / "out.ply", tile_vertices=tile, **HOW)
     expected = smooth(vertices, faces)
     assert_near(report, expected)
-    assert (expected.max_displacement > 0.0) == (name not in ("clean", "open", "broken"))
+    assert (expected.max_displacement > 0.0) == (name not in ("clean", "open"))  # "broken" moves by 0.06 of its noise
     assert sorted(path.name for path in tmp_path.iterdir()) == ["faces.npy", "out.ply", "vertices.npy"]
 
 
