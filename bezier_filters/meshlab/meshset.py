@@ -169,7 +169,8 @@ def absolute_length(length: Length | None, vertices: FloatArray, name: str) -> f
         except InvalidParameterError as error:
             raise BezierFilterError(f"{name}: {error}") from None
     if isinstance(length, pymeshlab.PercentageValue):
-        return float(length.value() / 100.0 * np.linalg.norm(np.ptp(vertices, axis=0)))
+        with np.errstate(over="ignore", invalid="ignore"):  # of coordinates that no filter accepts
+            return float(length.value() / 100.0 * np.linalg.norm(np.ptp(vertices, axis=0)))
     return length.value() if isinstance(length, pymeshlab.PureValue) else length
 
 

@@ -21,6 +21,7 @@ def ratios(percentages, seed):
     return automatic / on_two_rings
 
 
+@pytest.mark.slow  # the choice itself is looked at in `test_region_fits`, on the same scan with 30 % deleted
 def test_automatic_choice_is_as_stable_as_two_rings():
     """Detail of the scan counted as correlated noise, for the seeds 0 and 2: normals moved 3.75 degrees, not 1.3."""
     assert ratios((30,), 2).max() < LARGEST_RATIO

@@ -266,8 +266,11 @@ def test_two_hundred_files_some_of_them_broken(tmp_path):
 
 
 def test_reports_of_a_batch_have_one_index(tmp_path):
-    for name in ("sphere", "torus"):
-        shutil.copy(SAMPLES / f"{name}.ply", tmp_path)
+    ms = pymeshlab.MeshSet()
+    ms.create_sphere(subdiv=2)
+    ms.save_current_mesh(str(tmp_path / "sphere.ply"))
+    ms.create_torus(hsubdiv=12, vsubdiv=12)
+    ms.save_current_mesh(str(tmp_path / "torus.ply"))
     (tmp_path / "broken.ply").write_text("ply\n")
     arguments = ["batch", "normals", str(tmp_path / "*.ply"), "--out", str(tmp_path / "out"), "--report", "--quiet"]
     done = run(*arguments)

@@ -90,8 +90,15 @@ def test_info_names_flipped_faces_and_what_helps(mesh, tmp_path):
     assert "--repair" not in run("info", save(tmp_path / "ball.ply", BALL.vertices, BALL.faces)).stdout
 
 
-@pytest.mark.parametrize("command", [["smooth"], ["scale", "smooth", "--scheduler", "synchronous"]])
-@pytest.mark.parametrize("mesh", [strip_of_two_rows(), SOUP, FLIPPED])
+@pytest.mark.parametrize(
+    ("command", "mesh"),
+    [
+        (["smooth"], strip_of_two_rows()),
+        (["smooth"], SOUP),
+        (["smooth"], FLIPPED),
+        (["scale", "smooth", "--scheduler", "synchronous"], SOUP),
+    ],
+)
 def test_nothing_is_smoothed_without_the_noise(command, mesh, tmp_path):
     source, target = save(tmp_path / "mesh.ply", *mesh), tmp_path / "out.ply"
     result = run(*command, source, target)

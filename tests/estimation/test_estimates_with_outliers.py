@@ -9,7 +9,8 @@ from bezier_filters import estimate_vertex_geometry
 
 
 @pytest.mark.parametrize(
-    ("make", "share", "base", "most"), [(bent_torus, 0.015, 0.0, 1.0), (bent_torus, 0.1, 0.02, 2.0)]
+    ("make", "share", "base", "most"),
+    [pytest.param(bent_torus, 0.015, 0.0, 1.0, marks=pytest.mark.slow), (bent_torus, 0.1, 0.02, 2.0)],
 )
 def test_patches_are_fitted_to_what_is_left_without_outliers(make, share, base, most):
     """Where fits are narrow, spikes beside a vertex turned its normal, however little they weighed: 3 and 7 degrees."""

@@ -42,7 +42,7 @@ def test_the_edges_of_a_block(share, least):
     assert not [line for line in found.lines if not line.is_sharp]
 
 
-@pytest.mark.parametrize("make", [sphere, torus, bumpy_star])
+@pytest.mark.parametrize("make", [sphere, pytest.param(torus, marks=pytest.mark.slow), bumpy_star])
 @pytest.mark.parametrize(("level", "passes"), [(0.1, 0), (0.3, 0), (0.1, 1), (0.1, 8), (0.3, None)])
 def test_round_shapes_have_none(make, level, passes):
     shape = make(resolution=14, jitter=0.2)

@@ -9,6 +9,7 @@ import warnings
 
 import numpy as np
 import pytest
+from command_line import in_this_process, run
 
 from bezier_filters import load_mesh, mesh_arrays, read_fields
 from bezier_filters.cli.reading import file_remarks
@@ -17,6 +18,7 @@ from bezier_filters.files.mesh_counts import count_mesh
 from bezier_filters.meshlab.mesh_files import save_mesh
 from bezier_filters.meshlab.meshset import BezierFilterError, Mesh, MeshSet
 from bezier_filters.meshlab.save_formats import SAVE_SUFFIXES
+from bezier_filters.runtime import worker_processes
 
 ROWS = ["0 0 0", "1 0 0", "0 1 0", "0 0 1", "1 1 1"]
 FACES = [(0, 1, 2), (0, 1, 3), (1, 2, 3), (0, 2, 3), (1, 2, 4)]
@@ -269,25 +271,28 @@ class TestCommandLine:
         ms.save_current_mesh(str(folder / "ball.obj"))
         return (folder / "ball.obj").read_text()
 
-    def test_a_vertex_without_coordinates(self, tmp_path):
+    def test_a_vertex_without_coordinates(self, tmp_path, monkeypatch):
+        monkeypatch.chdir(tmp_path)
         text = re.sub(r"(?m)^v \S+", "v nan", self.ball(tmp_path), count=1)
         (tmp_path / "bad.obj").write_text(text)
-        refused = self.call(tmp_path, "curvature", "bad.obj", "out.ply")
+        refused = run("curvature", "bad.obj", "out.ply")
         assert refused.returncode == 2
         assert re.search(r"vertex 0 \(line \d+\); --skip leaves them", refused.stderr)
         assert not (tmp_path / "out.ply").exists()
-        skipped = self.call(tmp_path, "curvature", "bad.obj", "out.ply", "--skip")
+        skipped = run("curvature", "bad.obj", "out.ply", "--skip")
         assert skipped.returncode == 0
         assert "note: bad.obj: 1 vertices without finite coordinates were left out" in skipped.stderr
         assert len(read_fields(tmp_path / "out.ply")["bz_k_min"]) == 161
 
-    def test_lost_faces_need_a_look(self, tmp_path):
+    def test_lost_faces_need_a_look(self, tmp_path, monkeypatch):
+        monkeypatch.chdir(tmp_path)
+        monkeypatch.setattr(worker_processes, "run_in_processes", in_this_process)
         (tmp_path / "bad.obj").write_text(self.ball(tmp_path) + "vt 0 0\nf 1/9 2/1 3/1\n")
-        done = self.call(tmp_path, "info", "bad.obj")
+        done = run("info", "bad.obj")
         assert done.returncode == 3
         last = done.stderr.splitlines()[-1]
         assert last == "look at bad.obj: has 321 triangles, but its reader gives 320"
-        batch = self.call(tmp_path, "batch", "normals", "bad.obj", "--out", "out")
+        batch = run("batch", "normals", "bad.obj", "--out", "out")
         assert "bad.obj: has 321 triangles" in batch.stdout
 
     @pytest.mark.skipif(sys.platform == "win32", reason="pipes with a name")

@@ -64,7 +64,7 @@ ACCURACY = {
 
 
 @pytest.mark.parametrize("options", [{}, {"rings": 2, "alpha": 0.9}], ids=["auto", "fixed"])
-@pytest.mark.parametrize("edges", [0.0, 0.1, 0.3])
+@pytest.mark.parametrize("edges", [0.0, pytest.param(0.1, marks=pytest.mark.slow), 0.3])
 @pytest.mark.parametrize("surface", ACCURACY.values(), ids=ACCURACY)
 def test_points_alone_are_estimated_about_as_well_as_their_mesh(surface, edges, options):
     points = noisy(surface, edges)

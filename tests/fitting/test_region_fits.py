@@ -147,7 +147,7 @@ def test_parts_of_a_surface_that_is_exact_elsewhere_have_fits_of_their_own(exact
 
 
 @pytest.mark.parametrize("make", [bumpy_star, ellipsoid], ids=lambda make: make.__name__)
-@pytest.mark.parametrize("share", [0.03, 0.1, 0.3])
+@pytest.mark.parametrize("share", [0.03, pytest.param(0.1, marks=pytest.mark.slow), 0.3])
 def test_noise_on_a_part_costs_no_more_accuracy_than_the_same_noise_everywhere(make, share):
     """Whole surfaces without noise need no wide rings, and the model of the whole has none."""
     surface = make(resolution=32, jitter=0.2)

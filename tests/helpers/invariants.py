@@ -8,6 +8,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pymeshlab
+from filter_options import GIVEN_FIT, QUICK_OPTIONS, WITHOUT_NOISE
 from meshset_state import changed, mesh_state
 from naive_reference import expected_fit, largest_curvature
 
@@ -35,7 +36,7 @@ from bezier_filters.status import FitStatus
 
 ESTIMATES = {
     "automatic": {},
-    "fixed": {"rings": 2, "alpha": 0.8},
+    "fixed": GIVEN_FIT,
     "paper": {"smoothness": "paper"},
     "radius": {"radius": 0.5},
     "robust": {"robust": True},
@@ -116,7 +117,7 @@ def check_statuses(vertices, faces, geometry):
 
 
 def check_smoothing(vertices, faces, method):
-    result, refusal = attempt(smooth, vertices, faces, method)
+    result, refusal = attempt(smooth, vertices, faces, method, **(GIVEN_FIT if method == "paper" else {}))
     if result is None:
         assert not are_sound(vertices), refusal
         return
@@ -254,11 +255,11 @@ CHECKS |= {f"smooth, {method}": _check(check_smoothing, method) for method in ("
 CHECKS |= {f"fill_holes, {method}": _check(check_holes, method) for method in ("auto", "paper")}
 CHECKS |= {"topology": check_topology, "vertex_patch": check_one_patch, "baselines": check_baselines}
 CHECKS |= {"find_creases": check_creases}
-# The filters of vertices choose fits alike: one of them does, as does the function for creases above.
-GIVEN = dict.fromkeys(("normal", "torsion", "crease"), ESTIMATES["fixed"])
-CHECKS |= {
-    function.__name__: _check(
-        check_filter, function, next((given for name, given in GIVEN.items() if name in function.__name__), {})
-    )
-    for function in FILTERS
+# The filters choose fits and noise alike: these do, as do the functions above, that of smoothing among them.
+OPTIONS = QUICK_OPTIONS | {
+    "apply_coord_bezier_patch_smoothing": WITHOUT_NOISE,
+    "compute_curvature_by_bezier_patch_per_vertex": {},
+    "compute_selection_by_bezier_crease_per_edge": {},
+    "get_surface_measures_by_bezier_patch": {"repeats": 2},
 }
+CHECKS |= {function.__name__: _check(check_filter, function, OPTIONS[function.__name__]) for function in FILTERS}

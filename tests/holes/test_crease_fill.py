@@ -99,7 +99,7 @@ def test_ridges_and_valleys_are_continued(sign):
 
 
 @pytest.mark.parametrize("center", [(-0.5, -0.5, 0.0), (-0.5, -0.5, -0.5), (0.0, 0.0, 0.25)])
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3))])
 def test_rounding_decides_nothing(center, seed):
     """Points of the edges that are continued lie on straight lines, where areas are zero but for rounding."""
     vertices, faces = block_with_sharp_edges(resolution=24)
@@ -323,7 +323,7 @@ def pointed_roof(spokes, heights):
     return vertices, without_faces_near(np.column_stack([flat, 0.0 * flat[:, 0]]), faces, np.zeros(3), 0.35), height
 
 
-@pytest.mark.parametrize("sides", [4, 5, 6])
+@pytest.mark.parametrize("sides", [4, pytest.param(5, marks=pytest.mark.slow), 6])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_the_top_of_a_pyramid_is_a_point_again(sides, sign):
     spokes = 0.1 + 2.0 * np.pi * np.arange(sides) / sides

@@ -247,7 +247,7 @@ def add_noise_to_borders(vertices, faces, sigma, seed):
 
 @pytest.mark.parametrize("degrees", [15, 25, 40, 60])
 @pytest.mark.parametrize("ragged", [0, 4])
-@pytest.mark.parametrize("sigma", [0.3, 0.5])
+@pytest.mark.parametrize("sigma", [pytest.param(0.3, marks=pytest.mark.slow), 0.5])
 def test_noisy_and_ragged_holes_are_no_outer_rims(degrees, ragged, sigma):
     ball = sphere(resolution=48)
     heights = ball.vertices[ball.faces].mean(axis=1)[:, 2]

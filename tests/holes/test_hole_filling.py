@@ -150,7 +150,7 @@ def test_fills_turn_and_scale_with_the_mesh():
     np.testing.assert_allclose(moved.vertices, 3.0 * still.vertices @ rotation.T + [1, 2, 3], atol=1e-6)
 
 
-@settings(max_examples=15)
+@settings(max_examples=8)
 @given(st.integers(0, 10**6), st.integers(1, 60))
 def test_holes_of_any_outline_are_filled(seed, count):
     """Faces taken away one after the other, each next to the last or anywhere."""

@@ -31,7 +31,7 @@ def test_flat_ends_get_exact_lids(name):
 
 
 @pytest.mark.parametrize("name", CLOSED)
-@pytest.mark.parametrize("noise", [0.05, 0.1])
+@pytest.mark.parametrize("noise", [pytest.param(0.05, marks=pytest.mark.slow), 0.1])
 def test_lids_of_noisy_ends_are_flat(name, noise):
     """Their planes are estimated from the rim, so that they are nearer to the true ones than the rim."""
     case = CASES[name]

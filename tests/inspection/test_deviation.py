@@ -41,7 +41,8 @@ def ring_pair():
 
 
 @pytest.mark.parametrize(
-    ("make", "resolution", "level"), [(torus, 24, 0.05), (ellipsoid, 20, 0.1), (bumpy_star, 24, 0.2)]
+    ("make", "resolution", "level"),
+    [(torus, 24, 0.05), (ellipsoid, 20, 0.1), pytest.param(bumpy_star, 24, 0.2, marks=pytest.mark.slow)],
 )
 def test_z_scores_of_two_noisy_meshes_of_one_surface_are_standard(make, resolution, level):
     scan, model = make(resolution=resolution, jitter=0.3), make(resolution=resolution + 4, jitter=0.2, seed=7)

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pymeshlab
 import pytest
+from filter_options import quick_options
 from meshset_state import changed, mesh_state
 
 import bezier_filters as bf
@@ -65,7 +66,8 @@ class TestMethods:
                 mesh = ms.current_mesh()
                 ms.add_mesh(pymeshlab.Mesh(mesh.vertex_matrix(), mesh.face_matrix()), set_as_current=False)
         name = function.__name__
-        given = {"condselect": "fi == 700"} if "condselect" in inspect.signature(function).parameters else {}
+        selection = {"condselect": "fi == 700"} if "condselect" in inspect.signature(function).parameters else {}
+        given = quick_options(function) | selection
         reports = [getattr(method, name)(**given), applied.apply_filter(name, **given), function(called, **given)]
         assert all(report.keys() == reports[2].keys() for report in reports)
         for ms in (method, applied):

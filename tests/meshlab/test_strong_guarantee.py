@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pymeshlab
 import pytest
+from filter_options import quick_options
 from full_meshset import full_meshset
 from meshset_state import changed, mesh_state
 
@@ -25,12 +26,6 @@ OF_ONE_LAYER = [function for function in FILTERS if "refmesh" not in inspect.sig
 TESTS = Path(__file__).parents[1]
 
 
-def given(function):
-    """Parameters of a filter that learns nothing then, where it does not matter how it chooses."""
-    accepted = inspect.signature(function).parameters
-    return {"rings": 2, "alpha": 0.8} if "robust" in accepted else {"noise": 0.01}
-
-
 class Stop(Exception):
     pass
 
@@ -42,40 +37,44 @@ def meshset_for(function, runs):
         if function is meshing_close_holes_by_bezier_patch:
             function(ms, maxholesize=7)  # leaves the larger holes
         else:
-            function(ms, **given(function))
+            function(ms, **quick_options(function))
     return ms
 
 
 def calls_of_progress(function, runs):
     """How often a filter calls back; with several threads that depends on which one does what."""
     calls = []
-    function(meshset_for(function, runs), threads=1, progress=lambda *state: calls.append(state))
+    function(meshset_for(function, runs), threads=1, progress=lambda *_: calls.append(1), **quick_options(function))
     return len(calls)
+
+
+def check_that_stopping_changes_nothing(function, ms, which, answer, options):
+    """Stop a filter at one of its callbacks."""
+    state, calls = mesh_state(ms), []
+
+    def progress(done, total):
+        calls.append(done)
+        if len(calls) <= which:
+            return None
+        if answer is False:
+            return False
+        raise answer
+
+    with pytest.raises(CancelledError if answer is False else answer):
+        function(ms, threads=1, progress=progress, **options)
+    assert changed(state, mesh_state(ms)) == set()
 
 
 @pytest.mark.parametrize("before", [0, 1], ids=["first run", "second run"])
 @pytest.mark.parametrize("function", FILTERS)
 def test_stopping_at_any_callback_changes_nothing(function, before):
-    ms = meshset_for(function, before)
-    state = mesh_state(ms)
+    ms, quick = meshset_for(function, before), quick_options(function)
     total = calls_of_progress(function, before)
     assert total > 0
-    for which in {0, total - 1}:
-        for answer in (False, Stop, KeyboardInterrupt):
-            calls = []
-
-            def progress(done, of, which=which, answer=answer, calls=calls):
-                calls.append(done)
-                if len(calls) <= which:
-                    return None
-                if answer is False:
-                    return False
-                raise answer
-
-            with pytest.raises(CancelledError if answer is False else answer):
-                function(ms, threads=1, progress=progress)
-            assert changed(state, mesh_state(ms)) == set()
-    assert function(ms, **given(function))  # and it still works
+    for answer in (False, Stop, KeyboardInterrupt):
+        check_that_stopping_changes_nothing(function, ms, 0, answer, {})  # while it learns
+        check_that_stopping_changes_nothing(function, ms, total - 1, answer, quick)  # after all but writing
+    assert function(ms, **quick)  # and it still works
 
 
 def no_number(ms):
@@ -128,7 +127,7 @@ def test_a_refusal_names_the_remedy_and_changes_nothing(function, spoil, options
 
 
 def written_by(function):
-    return function(full_meshset(), **given(function))["attributes"]
+    return function(full_meshset(), **quick_options(function))["attributes"]
 
 
 @pytest.mark.parametrize("function", [function for function in VERTEX_FILTERS if function in OF_ONE_LAYER])
@@ -145,12 +144,12 @@ def test_attributes_in_the_way_are_named_with_the_remedy(function):
         known = list(ms.filter_parameter_values("ply"))
         vertices = ms.current_mesh().vertex_matrix().tobytes()
         with pytest.raises(BezierFilterError, match=r"generate_copy_of_current_mesh") as refused:
-            function(ms, **given(function))
+            function(ms, **quick_options(function))
         assert message in str(refused.value)
         assert list(ms.filter_parameter_values("ply")) == known
         assert ms.current_mesh().vertex_matrix().tobytes() == vertices
         ms.generate_copy_of_current_mesh()  # the remedy
-        assert function(ms, **given(function))
+        assert function(ms, **quick_options(function))
 
 
 @pytest.mark.parametrize("function", VERTEX_FILTERS)
@@ -161,8 +160,8 @@ def test_strange_names_that_do_no_harm_stay_and_change_no_result(function):
     for name in names:
         ms.current_mesh().add_vertex_custom_scalar_attribute(values, name)
     for _ in range(2):
-        function(ms, **given(function))
-        for name in function(plain, **given(function))["attributes"]:
+        function(ms, **quick_options(function))
+        for name in function(plain, **quick_options(function))["attributes"]:
             results = [mesh.current_mesh().vertex_custom_scalar_attribute_array(name) for mesh in (plain, ms)]
             if name != "bz_normal_angle":  # to the normals of the run before
                 np.testing.assert_array_equal(*results)
@@ -176,7 +175,7 @@ def test_face_attributes_of_our_names_are_another_matter(function):
     name = written_by(function)[0]
     values = np.arange(float(ms.current_mesh().face_number()))
     ms.current_mesh().add_face_custom_scalar_attribute(values, name)
-    assert name in function(ms, **given(function))["attributes"]
+    assert name in function(ms, **quick_options(function))["attributes"]
     np.testing.assert_array_equal(ms.current_mesh().face_custom_scalar_attribute_array(name), values)
 
 
@@ -196,7 +195,7 @@ def test_moving_the_mesh_meanwhile_is_noticed(function):
         ms.compute_coord_by_function(x="x + 1", y="y", z="z")
 
     with pytest.raises(BezierFilterError, match="changed while the filter ran; nothing was written"):
-        function(ms, progress=move, **given(function))
+        function(ms, progress=move, **quick_options(function))
     assert not any("bz_" in key for key in mesh_state(ms))
 
 
@@ -205,7 +204,8 @@ def test_other_layers_and_the_transform_stay(function):
     plain, ms = full_meshset(layers=1), full_meshset(layers=4)
     ms.compute_matrix_from_translation(axisx=5.0, freeze=False)
     before = mesh_state(ms)
-    report, expected = function(ms), function(plain)
+    quick = quick_options(function)
+    report, expected = function(ms, **quick), function(plain, **quick)
     for key in ("status", "holes", "displacement"):
         assert report.get(key) == expected.get(key)
     np.testing.assert_array_equal(ms.current_mesh().vertex_matrix(), plain.current_mesh().vertex_matrix())

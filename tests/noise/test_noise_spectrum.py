@@ -47,7 +47,7 @@ def test_of_noise_over_many_edges_most_is_found(name):
     assert np.abs(np.log(lengths)).max() < np.log(1.25)
 
 
-@pytest.mark.parametrize("passes", [1, 3])
+@pytest.mark.parametrize("passes", [pytest.param(1, marks=pytest.mark.slow), 3])
 @pytest.mark.parametrize("make", [torus, bumpy_star, ellipsoid])
 def test_on_regular_meshes_it_is_no_shape(make, passes):
     """Triangles of one kind make it depend on the direction, and averages of these leave less white noise."""

@@ -23,7 +23,7 @@ def test_the_share_of_outliers_is_what_it_is(make, share, size):
     assert noise.sigma < 0.02 * mean_edge_of(mesh.vertices, mesh.faces)
 
 
-@pytest.mark.parametrize("make", [star, block])
+@pytest.mark.parametrize("make", [star, pytest.param(block, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(("share", "size", "base"), [(0.01, 0.5, 0.0), (0.01, 1.0, 0.05), (0.03, 1.0, 0.2)])
 def test_a_few_outliers_are_seen(make, share, size, base):
     shape, found = make(), []

@@ -73,7 +73,7 @@ def test_larger_noise_is_not_that_of_rounding():
     assert noise.sigma == pytest.approx(0.05, rel=0.15)
 
 
-@pytest.mark.parametrize("step", [0.2, 1.0])
+@pytest.mark.parametrize("step", [0.2, pytest.param(1.0, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("amount", [0.3, 0.6])
 def test_noise_before_rounding_is_removed_with_it(step, amount):
     """Noise of the size of the steps is not bounded by them."""

@@ -304,7 +304,7 @@ def test_points_beyond_all_coordinates_are_refused(ring_surface):
         ring_surface.query([[1e160, 0.0, 0.0]])
 
 
-@pytest.mark.parametrize("level", [0.1, 0.2])
+@pytest.mark.parametrize("level", [pytest.param(0.1, marks=pytest.mark.slow), 0.2])
 @pytest.mark.parametrize("make", [torus, ellipsoid], ids=lambda make: make.__name__)
 def test_standard_errors_of_positions_are_those_of_the_errors(make, level):
     """With the scale of the errors of normals, they would be .73 of what is stated on the ellipsoid."""

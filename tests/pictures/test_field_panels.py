@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pymeshlab
 import pytest
+from filter_options import quick_options
 from matplotlib.image import imread
 from PIL import Image
 from scipy.spatial import cKDTree
@@ -83,7 +84,8 @@ class TestFields:
         for function in FILTERS:
             if "texmap" in function.__name__:  # it writes no columns, and the mesh has no texture coordinates
                 continue
-            function(ms, **next((given for name, given in options.items() if name in function.__name__), {}))
+            given = next((given for name, given in options.items() if name in function.__name__), {})
+            function(ms, **quick_options(function), **given)
         save_mesh(ms, tmp_path / "all.ply")
         file = read_mesh_file(tmp_path / "all.ply")
         columns = [name for name in file.columns if name.startswith("bz_")]

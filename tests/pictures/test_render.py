@@ -9,7 +9,7 @@ import matplotlib
 import numpy as np
 import pymeshlab
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.image import imread
 
@@ -257,6 +257,7 @@ def test_lines_are_not_cut_at_the_edge_of_the_picture() -> None:
     assert np.ptp(image[scene.MARGIN_PIXELS + 5], axis=1).max() > 0.5
 
 
+@settings(max_examples=25)
 @given(st.floats(1e-6, 1e6), st.floats(0.001, 0.9), st.booleans())
 def test_ticks_of_symmetric_logarithms_are_round(high: float, linear: float, signed: bool) -> None:
     panel = Panel(np.eye(3), NO_FACES, np.ones(3), limits=(-high if signed else 0.0, high), linear_below=linear * high)

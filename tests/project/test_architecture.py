@@ -3,6 +3,7 @@
 import ast
 import subprocess
 import sys
+from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -50,10 +51,15 @@ __main__
 """Subpackages and modules at the top, one a line: each imports only from itself and those above it."""
 
 
+@cache
+def syntax_tree(path):
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
 def imports_of(path):
     """Modules of the package that a module imports anywhere in its code, as paths from the package."""
     found = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(syntax_tree(path)):
         if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "bezier_filters":
             parts = node.module.split(".")[1:]
             found.update(module_at(*parts, alias.name) or module_at(*parts) for alias in node.names)
@@ -101,7 +107,7 @@ def test_one_module_imports_pymeshlab():
     importing = [
         path.stem
         for path in PACKAGE.rglob("*.py")
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        for node in ast.walk(syntax_tree(path))
         if isinstance(node, ast.Import | ast.ImportFrom) and "pymeshlab" in ast.unparse(node)
     ]
     assert importing == ["meshset"]

@@ -5,6 +5,7 @@ import io
 import re
 import tokenize
 from collections import defaultdict
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -57,11 +58,14 @@ def is_numeric(node):
     return bool(numbers) and isinstance(node, computes)
 
 
+syntax_tree = cache(ast.parse)
+
+
 def constant_values(sources):
     """Values of every numeric constant at the top of a module, by name and module."""
     values = defaultdict(dict)
     for module, text in sources.items():
-        for node in ast.parse(text).body:
+        for node in syntax_tree(text).body:
             if not isinstance(node, ast.Assign | ast.AnnAssign) or node.value is None or not is_numeric(node.value):
                 continue
             for target in node.targets if isinstance(node, ast.Assign) else [node.target]:
@@ -80,7 +84,7 @@ def unclear_functions(sources):
     """Functions named by a participle or beginning with a preposition; properties are attributes."""
     found = []
     for module, text in sources.items():
-        for node in ast.walk(ast.parse(text)):
+        for node in ast.walk(syntax_tree(text)):
             if not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
                 continue
             first = node.name.strip("_").split("_")[0]
@@ -98,7 +102,7 @@ def dialect_phrases(sources):
     found = []
     for module, text in sources.items():
         prose = [t.string for t in tokenize.generate_tokens(io.StringIO(text).readline) if t.type == tokenize.COMMENT]
-        for node in ast.walk(ast.parse(text)):
+        for node in ast.walk(syntax_tree(text)):
             if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
                 prose.append(ast.get_docstring(node) or "")
         found += [

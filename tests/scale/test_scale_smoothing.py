@@ -120,14 +120,14 @@ def assert_close(found, expected, most):
     assert expected is None or abs(found - expected) <= most
 
 
-def assert_near(report, expected):
+def assert_near(report, expected, most=0.01, on_average=0.001):
     """A hundredth of the noise at any vertex, a thousandth in the root mean square, and what is told."""
     target, sigma = report["output"], expected.noise_before or 1e-12
     fields, found = read_fields(target), open_source(target).vertices(0, len(expected.vertices))
     apart = np.linalg.norm(found - expected.vertices, axis=1) / sigma
-    assert apart.max() <= 0.01
-    assert np.sqrt(np.square(apart).mean()) <= 0.001
-    assert np.abs(fields["bz_displacement"] - expected.displacement).max() <= 0.01 * sigma
+    assert apart.max() <= most
+    assert np.sqrt(np.square(apart).mean()) <= on_average
+    assert np.abs(fields["bz_displacement"] - expected.displacement).max() <= most * sigma
     assert np.array_equal(fields["quality"], fields["bz_displacement"])
     assert np.abs(fields["bz_sharpness"] - expected.sharpness).max() <= 0.01
     # tiles add up the samples in another order, and the search for the covariance amplifies that: 5e-9 on one processor
@@ -135,7 +135,7 @@ def assert_near(report, expected):
     assert_close(report["noise"]["after"], expected.noise_after, 0.005 * sigma)
     for when in ("before", "after"):
         volume = getattr(expected, f"volume_{when}")
-        assert_close(report["volume"][when], volume, 1e-5 * abs(volume or 0.0))
+        assert_close(report["volume"][when], volume, 1e-3 * most * abs(volume or 0.0))
     assert report["faces"]["flipped before"] == expected.flipped_before
     assert report["faces"]["flipped after"] == expected.flipped_after
     assert report["faces"]["new"] == expected.new_bad_faces == 0
@@ -152,7 +152,7 @@ def test_vertices_move_as_in_memory(name, tile, tmp_path):
     report = smooth_file(files, tmp_path / "out.ply", tile_vertices=tile, **HOW)
     expected = smooth(vertices, faces)
     assert_near(report, expected)
-    assert (expected.max_displacement > 0.0) == (name not in ("clean", "open", "broken"))
+    assert (expected.max_displacement > 0.0) == (name not in ("clean", "open"))  # "broken" moves by 0.06 of its noise
     assert sorted(path.name for path in tmp_path.iterdir()) == ["faces.npy", "out.ply", "vertices.npy"]
 
 

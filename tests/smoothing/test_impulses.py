@@ -130,7 +130,7 @@ def test_impulses_along_the_normals_do_not_slide(ball):
 
 
 @pytest.mark.parametrize(("share", "size", "base", "left"), [(0.6, 0.6, 0.0, 0.055), (0.1, 0.5, 0.1, 0.033)])
-@pytest.mark.parametrize("make", [bumpy_star, torus])
+@pytest.mark.parametrize("make", [bumpy_star, pytest.param(torus, marks=pytest.mark.slow)])
 def test_the_surface_is_found_without_them(make, share, size, base, left):
     """In mean edges: what filters leave is mostly what impulses have drawn them to."""
     shape = make(resolution=24, jitter=0.2)

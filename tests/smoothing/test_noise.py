@@ -117,7 +117,7 @@ def test_noise_of_one_strength_has_one_level(level):
     np.testing.assert_allclose(found, np.sqrt(sigma**2 - relief**2), rtol=1e-3)
 
 
-@pytest.mark.parametrize("share", [0.05, 0.1, 0.4])
+@pytest.mark.parametrize("share", [0.05, pytest.param(0.1, marks=pytest.mark.slow), 0.4])
 def test_noise_on_a_part_is_removed_up_to_its_border(share):
     """As if it were alone: less than a sixth of it remains, and the exact rest hardly moves."""
     ball = sphere(resolution=32)

@@ -11,7 +11,12 @@ from bezier_filters.meshes.triangles import area_vectors
 
 @pytest.mark.parametrize(
     ("make", "share", "size", "left"),
-    [(star, 0.03, 0.3, 0.1), (star, 0.03, 1.0, 0.1), (block, 0.03, 0.1, 0.7), (block, 0.03, 1.0, 0.5)],
+    [
+        (star, 0.03, 0.3, 0.1),
+        pytest.param(star, 0.03, 1.0, 0.1, marks=pytest.mark.slow),
+        (block, 0.03, 0.1, 0.7),
+        pytest.param(block, 0.03, 1.0, 0.5, marks=pytest.mark.slow),
+    ],
 )
 def test_spikes_go_and_what_is_sharp_stays(make, share, size, left):
     """Edges of a clean block are far off fits, too, and were taken for outliers: errors grew sevenfold."""
@@ -37,7 +42,7 @@ def test_outliers_that_are_too_dense_are_noise():
     assert np.sqrt(np.mean(squares)) < 0.08
 
 
-@pytest.mark.parametrize("make", [star, bent_torus, block])
+@pytest.mark.parametrize("make", [star, pytest.param(bent_torus, marks=pytest.mark.slow), block])
 def test_outliers_in_all_directions_come_back(make):
     """They fold the mesh: neighbourhoods that fold were not looked at, nor fitted, and faces stayed turned over."""
     shape = make()

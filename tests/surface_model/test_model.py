@@ -64,7 +64,7 @@ def relative_rms(error, truth):
     return np.sqrt(np.mean(error**2) / np.mean(truth**2))
 
 
-@pytest.mark.parametrize("level", [0.01, 0.05, 0.2])
+@pytest.mark.parametrize("level", [0.01, pytest.param(0.05, marks=pytest.mark.slow), 0.2])
 @pytest.mark.parametrize("name", SURFACES)
 def test_noise_is_found_within_ten_percent(name, level):
     surface, geometry = estimated(name, level)
@@ -220,7 +220,7 @@ def test_clean_irregular_meshes_are_as_accurate_as_they_were(name):
     assert np.degrees(np.sqrt(np.mean(turned**2))) < max(3.0 * MEASURED[name][1], 2e-6)
 
 
-@pytest.mark.parametrize("level", [0.02, 0.05, 0.1])
+@pytest.mark.parametrize("level", [0.02, pytest.param(0.05, marks=pytest.mark.slow), 0.1])
 def test_intervals_of_95_percent_cover_about_that_much(level):
     """Each surface by itself as well, and errors that are said to be large are no more than twice as large."""
     coverage = []

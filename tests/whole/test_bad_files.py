@@ -11,6 +11,7 @@ import numpy as np
 import pymeshlab
 import pytest
 from file_mutations import mutated_file, sound_files
+from filter_options import quick_options
 from full_meshset import full_meshset, punched_torus
 from misleading_files import NOTICED, REFUSED, misleading_file
 
@@ -252,7 +253,7 @@ def test_polygons_stay_polygons(function):
     if function is compute_deviation_by_bezier_patch_per_vertex:
         mesh = ms.current_mesh()
         ms.add_mesh(pymeshlab.Mesh(mesh.vertex_matrix(), mesh.face_matrix()), set_as_current=False)
-    report = function(ms)
+    report = function(ms, **quick_options(function))
     after = [list(polygon) for polygon in ms.current_mesh().polygonal_face_list()]
     assert len(before) == len(squares)
     assert after[: len(before)] == before
