@@ -19,6 +19,7 @@ from bezier_filters.fitting.vertex_geometry import VertexGeometry
 from bezier_filters.inspection.deviating_regions import DeviatingRegion, find_deviating_regions
 from bezier_filters.inspection.deviation_status import DeviationStatus
 from bezier_filters.inspection.regional_means import mean_variance, regional_means, ring_of_size
+from bezier_filters.inspection.rigid_motion import rigid_share
 from bezier_filters.meshes.adjacency import edge_lengths, vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh, check_has_faces, check_selection, surface_or_points, takes_meshes
 from bezier_filters.meshes.mesh_objects import MeshLike
@@ -139,6 +140,9 @@ class Deviation(_DeviationMeasures, TabularResult):
         What was compared: the surface of the mesh, or its points.
     noise, reference_noise : float or None
         Standard deviation of the noise of both along the normal, a length; None where it could not be learned.
+    rigid_share : float or None
+        Share of the sum of squares of the distances that a rigid motion makes, to first order: near 1 for meshes that
+        are not registered. None where nothing deviates.
     compared : (n,) bool
         Derived: vertices that have a deviation. The following values are over these.
     z_scores, regional_z_scores : (n,) float64
@@ -162,6 +166,7 @@ class Deviation(_DeviationMeasures, TabularResult):
     measured: str
     noise: float | None = field(metadata=LENGTH)
     reference_noise: float | None = field(metadata=LENGTH)
+    rigid_share: float | None
     compared: BoolArray = field(init=False)
     z_scores: FloatArray = field(init=False)
     regional_z_scores: FloatArray = field(init=False)
@@ -334,6 +339,7 @@ def compare(
         measured="points" if test.is_points else "surface",
         noise=test.noise,
         reference_noise=None if sigma is None else float(scale * sigma),
+        rigid_share=rigid_share(found.points[compared], found.normals[compared], distances[compared]),
     )
 
 
