@@ -24,6 +24,7 @@ from bezier_filters.meshes.adjacency import edge_lengths, vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh, check_has_faces, check_selection, surface_or_points, takes_meshes
 from bezier_filters.meshes.mesh_objects import MeshLike
 from bezier_filters.meshes.unit_size import LENGTH
+from bezier_filters.patch_surface.disagreement import patch_disagreement
 from bezier_filters.patch_surface.projection import AT_BORDER, NO_PLACE, NOT_CONVERGED, ON_FACE
 from bezier_filters.patch_surface.surface import Surface, SurfacePoints
 from bezier_filters.patch_surface.surface_fit import fit_surface
@@ -310,10 +311,11 @@ def compare(
     status = _status(test, found, selected, np.inf if max_distance is None else max_distance)
     compared = status <= DeviationStatus.ON_FACE
     distances = np.where(compared, found.distances, 0.0)
-    reference_std = found.position_std
+    reference_std, excess = found.position_std, _shape_variance(reference, found)
     known = compared & (test.noise is not None) & (reference.geometry.fit.noise_sigma is not None)
-    std = np.where(known, np.hypot(test.std, reference_std), 0.0)
     adjacency = vertex_adjacency(mesh) if mesh.face_count else point_cloud(mesh)[0]
+    shape, regional_shape = (regional_means(excess, compared, adjacency, k)[0] for k in (1, ring_of_size(region)))
+    std = np.where(known, np.sqrt(np.square(test.std) + np.square(reference_std) + shape), 0.0)
     means, counts = regional_means(distances, compared, adjacency, ring_of_size(region))
     scale = np.ldexp(1.0, reference.exponent)
     other = _Side(
@@ -323,8 +325,8 @@ def compare(
         scale * _mean_length(edge_lengths(reference.mesh, vertex_adjacency(reference.mesh))),
     )
     own = _Side(test.std, test.vertex_noise, test.noise_length, _mean_length(edge_lengths(mesh, adjacency)))
-    regional_std = np.sqrt(own.mean_variance(counts) + other.mean_variance(counts * (own.edge / other.edge) ** 2))
-    regional_std = np.where(known, regional_std, 0.0)
+    noise_variance = own.mean_variance(counts) + other.mean_variance(counts * (own.edge / other.edge) ** 2)
+    regional_std = np.where(known, np.sqrt(noise_variance + regional_shape), 0.0)
     means = np.where(compared, means, 0.0)
     sigma = reference.geometry.fit.noise_sigma
     return Deviation(
@@ -407,6 +409,16 @@ def _status(test: _Test, found: SurfacePoints, selected: BoolArray | None, max_d
     if selected is not None:
         status[~selected] = DeviationStatus.SKIPPED
     return status
+
+
+def _shape_variance(reference: Surface, found: SurfacePoints) -> FloatArray:
+    """Variance of the error of shape of the reference at places of it, (n,).
+
+    It is that by which the patches that are blended there differ beyond their standard error, which noise explains.
+    """
+    spread = patch_disagreement(reference.arrays, found.faces, found.coordinates)
+    scale = np.ldexp(1.0, reference.exponent)
+    return np.asarray(np.maximum(np.square(scale * spread) - np.square(found.position_std), 0.0))
 
 
 @dataclass(frozen=True)
