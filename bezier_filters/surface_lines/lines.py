@@ -81,7 +81,7 @@ STEP_OF_EDGE, STEP_OF_SPACING = 0.5, 0.2
 MIN_SPACING, MAX_SPACING = 1e-3, 1.0
 MAX_DIAGONALS = 30.0  # length of each half of a line, in diagonals of the bounding box
 FIRST_CAPACITY, STEPS_PER_CALL = 4096, 4096  # a step takes some 20 microseconds
-MAX_POINTS = 1 << 24  # of the lines of a kind: 5 GB
+MAX_POINTS = 1 << 24  # of the lines of a kind, 128 bytes each while they are traced
 
 
 class LineEnd(MessageEnum):
@@ -127,7 +127,7 @@ class SurfaceLine(_LineMeasures):
     points : (k, 3) float64
         Points on the surface in order; a closed line repeats its first point at the end.
     tangents : (k, 3) float64
-        Unit directions of the field, along the line.
+        Unit directions of the field, from the first point of the line to the last.
     normals : (k, 3) float64
         Unit normals of the surface.
     normal_curvature, geodesic_torsion : (k,) float64
@@ -269,8 +269,8 @@ def trace_lines(
     normal_curvature : float, optional
         The normal curvature for ``"normal"``, 1/length, positive where convex.
     spacing : float, optional
-        Distance between neighbouring lines of a kind, a length; by default a 60th of the diagonal of the bounding box,
-        or with seeds none, so that lines may come as near to each other as they do.
+        Distance between neighbouring lines of a kind, a length from a thousandth of the diagonal of the bounding box to
+        the whole; by default a 60th of it, or with seeds none, so that lines may come as near to each other as they do.
     seeds : (s, 3) array_like of float, optional
         Points, each of whose nearest places on the surface gets a line of each kind, and there are no others. With a
         spacing, seeds near a line are omitted.
@@ -288,7 +288,7 @@ def trace_lines(
     Raises
     ------
     InvalidParameterError
-        If a parameter is out of range.
+        If a parameter is out of range, or the lines of a kind have more than 16,777,216 points.
     CancelledError
         If `progress` returned False.
 
