@@ -160,14 +160,17 @@ def check_target(target: Path, *sources: Path, overwrite: bool) -> None:
         raise InvalidParameterError(f"{printable_path(target)} is write-protected; give --overwrite to replace it")
 
 
+_READABLE = "any format that pymeshlab reads, VTP, VTU, NPZ, CSV, LAS, or - for the standard input."
 Source = Annotated[
     Path,
     typer.Argument(
-        help="Mesh or point cloud to read: any format that pymeshlab reads, VTP, VTU, NPZ, CSV, LAS, or - for the "
-        "standard input.",
-        metavar="INPUT",
-        parser=parse_path,
-        callback=read_pipe,
+        help=f"Mesh or point cloud to read: {_READABLE}", metavar="INPUT", parser=parse_path, callback=read_pipe
+    ),
+]
+MeshSource = Annotated[
+    Path,
+    typer.Argument(
+        help=f"Mesh with faces to read: {_READABLE}", metavar="INPUT", parser=parse_path, callback=read_pipe
     ),
 ]
 Target = Annotated[

@@ -13,6 +13,7 @@ from bezier_filters.cli import console
 from bezier_filters.cli.app import (
     Front,
     Json,
+    MeshSource,
     Overwrite,
     Quiet,
     SaveScript,
@@ -256,7 +257,7 @@ def remesh() -> None:
 @app.command(epilog="Example: bezier-filters creases scan.ply lines.ply --picture creases.png")
 @options(*PARAMETERS["creases"])
 def creases(
-    source: Source,
+    source: MeshSource,
     target: Lines,
     *,
     picture: Picture = None,
@@ -324,7 +325,7 @@ def creases(
 )
 @options(*PARAMETERS["lines"])
 def lines(
-    source: Source,
+    source: MeshSource,
     target: Lines,
     *,
     picture: Picture = None,

@@ -12,6 +12,7 @@ from bezier_filters.cli import console
 from bezier_filters.cli.app import (
     Front,
     Json,
+    MeshSource,
     Overwrite,
     Quiet,
     Skip,
@@ -138,7 +139,7 @@ def _print(report: "Report", source: Path, target: Path | None, picture: Path | 
 
 @app.command(epilog=examples("measure scan.ply", "measure scan.ply --repeats 0 --json"))
 @options(*PARAMETERS[MEASURES])
-def measure(source: Source, *, skip: Skip = False, quiet: Quiet = False, json: Json = False, **given: Any) -> None:
+def measure(source: MeshSource, *, skip: Skip = False, quiet: Quiet = False, json: Json = False, **given: Any) -> None:
     """Measure area, volume, total curvatures and bending energies.
 
     They are those of the surface that is fitted to a mesh. Standard errors and biases come from fits with new noise of

@@ -9,10 +9,10 @@ import bezier_filters as bf  # which loads what it has when it is used
 from bezier_filters.cli import console
 from bezier_filters.cli.app import (
     Json,
+    MeshSource,
     Overwrite,
     Quiet,
     Skip,
-    Source,
     app,
     check_target,
     end_with_remarks,
@@ -46,7 +46,7 @@ TextureFile = Annotated[
 )
 @options(*PARAMETERS[BAKE])
 def bake(
-    source: Source,
+    source: MeshSource,
     target: TextureFile,
     *,
     skip: Skip = False,

@@ -19,10 +19,12 @@ from bezier_filters.fitting.vertex_geometry import VertexGeometry
 from bezier_filters.inspection.deviating_regions import DeviatingRegion, find_deviating_regions
 from bezier_filters.inspection.deviation_status import DeviationStatus
 from bezier_filters.inspection.regional_means import mean_variance, regional_means, ring_of_size
+from bezier_filters.inspection.rigid_motion import rigid_share
 from bezier_filters.meshes.adjacency import edge_lengths, vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh, check_has_faces, check_selection, surface_or_points, takes_meshes
 from bezier_filters.meshes.mesh_objects import MeshLike
 from bezier_filters.meshes.unit_size import LENGTH
+from bezier_filters.patch_surface.disagreement import patch_disagreement
 from bezier_filters.patch_surface.projection import AT_BORDER, NO_PLACE, NOT_CONVERGED, ON_FACE
 from bezier_filters.patch_surface.surface import Surface, SurfacePoints
 from bezier_filters.patch_surface.surface_fit import fit_surface
@@ -139,6 +141,9 @@ class Deviation(_DeviationMeasures, TabularResult):
         What was compared: the surface of the mesh, or its points.
     noise, reference_noise : float or None
         Standard deviation of the noise of both along the normal, a length; None where it could not be learned.
+    rigid_share : float or None
+        Share of the sum of squares of the distances that a rigid motion makes, to first order: near 1 for meshes that
+        are not registered. None where nothing deviates.
     compared : (n,) bool
         Derived: vertices that have a deviation. The following values are over these.
     z_scores, regional_z_scores : (n,) float64
@@ -162,6 +167,7 @@ class Deviation(_DeviationMeasures, TabularResult):
     measured: str
     noise: float | None = field(metadata=LENGTH)
     reference_noise: float | None = field(metadata=LENGTH)
+    rigid_share: float | None
     compared: BoolArray = field(init=False)
     z_scores: FloatArray = field(init=False)
     regional_z_scores: FloatArray = field(init=False)
@@ -305,10 +311,11 @@ def compare(
     status = _status(test, found, selected, np.inf if max_distance is None else max_distance)
     compared = status <= DeviationStatus.ON_FACE
     distances = np.where(compared, found.distances, 0.0)
-    reference_std = found.position_std
+    reference_std, excess = found.position_std, _shape_variance(reference, found)
     known = compared & (test.noise is not None) & (reference.geometry.fit.noise_sigma is not None)
-    std = np.where(known, np.hypot(test.std, reference_std), 0.0)
     adjacency = vertex_adjacency(mesh) if mesh.face_count else point_cloud(mesh)[0]
+    shape, regional_shape = (regional_means(excess, compared, adjacency, k)[0] for k in (1, ring_of_size(region)))
+    std = np.where(known, np.sqrt(np.square(test.std) + np.square(reference_std) + shape), 0.0)
     means, counts = regional_means(distances, compared, adjacency, ring_of_size(region))
     scale = np.ldexp(1.0, reference.exponent)
     other = _Side(
@@ -318,8 +325,8 @@ def compare(
         scale * _mean_length(edge_lengths(reference.mesh, vertex_adjacency(reference.mesh))),
     )
     own = _Side(test.std, test.vertex_noise, test.noise_length, _mean_length(edge_lengths(mesh, adjacency)))
-    regional_std = np.sqrt(own.mean_variance(counts) + other.mean_variance(counts * (own.edge / other.edge) ** 2))
-    regional_std = np.where(known, regional_std, 0.0)
+    noise_variance = own.mean_variance(counts) + other.mean_variance(counts * (own.edge / other.edge) ** 2)
+    regional_std = np.where(known, np.sqrt(noise_variance + regional_shape), 0.0)
     means = np.where(compared, means, 0.0)
     sigma = reference.geometry.fit.noise_sigma
     return Deviation(
@@ -334,6 +341,7 @@ def compare(
         measured="points" if test.is_points else "surface",
         noise=test.noise,
         reference_noise=None if sigma is None else float(scale * sigma),
+        rigid_share=rigid_share(found.points[compared], found.normals[compared], distances[compared]),
     )
 
 
@@ -401,6 +409,16 @@ def _status(test: _Test, found: SurfacePoints, selected: BoolArray | None, max_d
     if selected is not None:
         status[~selected] = DeviationStatus.SKIPPED
     return status
+
+
+def _shape_variance(reference: Surface, found: SurfacePoints) -> FloatArray:
+    """Variance of the error of shape of the reference at places of it, (n,).
+
+    It is that by which the patches that are blended there differ beyond their standard error, which noise explains.
+    """
+    spread = patch_disagreement(reference.arrays, found.faces, found.coordinates)
+    scale = np.ldexp(1.0, reference.exponent)
+    return np.asarray(np.maximum(np.square(scale * spread) - np.square(found.position_std), 0.0))
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,8 @@ single position, it is between the two
     s^2 S / (S + (n - 1) s^2),   S = sigma^2 (1 + 2 pi l^2 / a),
 
 where noise of range l, see `NoiseModel`, counts as often as it repeats, with the area a per vertex. Where the error of
-a position exceeds the noise, it is one of the shape, and does not average out.
+a position exceeds the noise, it is one of the shape, and does not average out. Nor do the patches of the reference that
+are blended at a place, where they differ by more than their standard error: the mean variance of that is added.
 """
 
 import numpy as np

@@ -204,7 +204,11 @@ def report_of(found: SurfaceLines, geometry: VertexGeometry, mesh: CurrentMesh) 
     everywhere = np.ones(len(geometry.status), dtype=np.bool_)
     verdict = fit_verdict("curvature", geometry, mesh, everywhere, FitStatus.FOLDED)
     if not found.lines and not verdict["warnings"]:
-        verdict = verdict | {"warnings": ["there are no lines: no direction is known, or none has that curvature"]}
+        verdict = verdict | {
+            "warnings": [
+                "there are no lines: no direction is known, none has that curvature, or all are short for the spacing"
+            ]
+        }
     return {
         "family": found.family,
         "lines": len(found.lines),

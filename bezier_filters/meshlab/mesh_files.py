@@ -20,6 +20,7 @@ from bezier_filters.files.host_formats import WRITERS
 from bezier_filters.files.lost_rows import find_lost_rows
 from bezier_filters.files.mesh_checks import check_mesh_file
 from bezier_filters.files.mesh_data import shrink_ply
+from bezier_filters.files.ply_text import SUFFIXES as POLYLINE_SUFFIXES
 from bezier_filters.meshlab.mesh_attributes import SCALAR, list_attributes
 from bezier_filters.meshlab.meshset import (
     BezierFilterError,
@@ -31,7 +32,15 @@ from bezier_filters.meshlab.meshset import (
     reason_of,
 )
 from bezier_filters.meshlab.readable_files import open_as_ply, openable, utf8_folder
-from bezier_filters.meshlab.save_formats import FIELD_SUFFIX, format_of, rounding_remarks, write_data
+from bezier_filters.meshlab.save_formats import (
+    FIELD_SUFFIX,
+    edge_remarks,
+    format_of,
+    is_polyline,
+    rounding_remarks,
+    save_polyline,
+    write_data,
+)
 from bezier_filters.runtime.atomic import atomic_write, temporary_folder
 from bezier_filters.runtime.file_names import printable_path
 from bezier_filters.runtime.supervision import limit_memory, limit_time, note_activity
@@ -226,7 +235,8 @@ def save_mesh(
 
     The file is written atomically. Companion files, such as the MTL of an OBJ, are replaced; images of
     textures are written only where no file of that name exists, because rewriting the input would lose
-    quality. The transform matrix of the layer is lost, as always in pymeshlab outside of projects.
+    quality. The transform matrix of the layer is lost, as always in pymeshlab outside of projects. Layers of edges
+    alone, such as lines on a surface, keep them in PLY files, which are text then, in VTP and in OBJ files.
 
     Parameters
     ----------
@@ -250,7 +260,7 @@ def save_mesh(
     -------
     tuple of str
         Remarks on losses: images in formats that pymeshlab does not write, as inside a glTF file, or significant digits
-        of the coordinates, or faces and textures in formats without them.
+        of the coordinates, or faces, edges and textures in formats without them.
 
     Raises
     ------
@@ -285,10 +295,13 @@ def save_mesh(
     target = Path(os.path.realpath(path))
     _normalize(ms)
     try:
+        if is_polyline(mesh) and suffix in POLYLINE_SUFFIXES:
+            return save_polyline(ms, target, attributes=attributes)
+        unsaved = edge_remarks(mesh, suffix)
         if suffix in WRITERS:
             with atomic_write(target) as temporary:
                 lost = write_data(ms, temporary, attributes=attributes, compact=compact)
-            return lost + rounding_remarks(mesh, suffix)
+            return unsaved + lost + rounding_remarks(mesh, suffix)
         with (
             atomic_write(target) as temporary,
             temporary_folder(target.parent) as folder,
@@ -307,7 +320,7 @@ def save_mesh(
                 goal = target.parent / companion.name
                 if companion.name.startswith(staged.name) or not goal.exists():
                     os.replace(companion, goal)
-        return remarks + rounding_remarks(mesh, suffix)
+        return unsaved + remarks + rounding_remarks(mesh, suffix)
     except BezierFilterError:
         raise
     except OSError as error:

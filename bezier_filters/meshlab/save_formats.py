@@ -9,8 +9,9 @@ from bezier_filters.field_arrays import join_vectors
 from bezier_filters.fields import PREFIX, QUALITY
 from bezier_filters.files.host_formats import WRITERS
 from bezier_filters.files.mesh_data import MeshData, shrink_data
+from bezier_filters.files.ply_text import save_lines
 from bezier_filters.meshlab.mesh_attributes import SCALAR, list_attributes, read_columns
-from bezier_filters.meshlab.meshset import BezierFilterError, Mesh, MeshSet, read_current_mesh
+from bezier_filters.meshlab.meshset import BezierFilterError, Mesh, MeshSet, current_mesh, read_current_mesh
 from bezier_filters.runtime.file_names import printable_path
 
 FIELD_SUFFIX = ".ply"  # suffix of pymeshlab's format with quality and ``bz_*`` columns, which it does not read
@@ -59,6 +60,31 @@ def write_data(ms: MeshSet, path: Path, *, attributes: bool, compact: bool) -> t
     }
     names = [name for name, is_lost in lost.items() if is_lost]
     return (f"written without its {', '.join(names)}",) if names else ()
+
+
+def is_polyline(mesh: Mesh) -> bool:
+    """Whether a layer has edges and no faces."""
+    return bool(mesh.edge_number() and not mesh.face_number())
+
+
+def save_polyline(ms: MeshSet, path: Path, *, attributes: bool) -> tuple[str, ...]:
+    """Write the edges of the current mesh, which pymeshlab saves in OBJ files only, and rounds; no remarks."""
+    mesh = current_mesh(ms)
+    mesh.compact()
+    names = [name for kind, name in list_attributes(ms) if kind == SCALAR and name.startswith(PREFIX)]
+    columns = read_columns(ms, names) if attributes else {}
+    colors = mesh.vertex_color_matrix()[:, :3] if mesh.has_vertex_color() else np.ones((mesh.vertex_number(), 3))
+    values = np.array(mesh.vertex_scalar_array()) if mesh.has_vertex_scalar() else np.zeros(mesh.vertex_number())
+    save_lines(path, mesh.vertex_matrix(), mesh.edge_matrix().astype(np.int32), values, colors, columns)
+    return ()
+
+
+def edge_remarks(mesh: Mesh, suffix: str) -> tuple[str, ...]:
+    """Remark on edges that the format loses."""
+    edges = mesh.edge_number()
+    if not edges or suffix == ".obj":  # with faces, pymeshlab writes them
+        return ()
+    return (f"written without its {edges:,} edges, which {suffix} files of meshes do not have",)
 
 
 def rounding_remarks(mesh: Mesh, suffix: str) -> tuple[str, ...]:

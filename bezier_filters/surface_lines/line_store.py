@@ -8,7 +8,7 @@ from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.runtime.jit import inner_jit
 
 # entries of `LineStore.counts`
-POINT_COUNT, LINE_COUNT, NEXT_SIDE, NEXT_SEED = 0, 1, 2, 3
+POINT_COUNT, LINE_COUNT, NEXT_SIDE, NEXT_SEED, STEP_COUNT, COUNTS = 0, 1, 2, 3, 4, 5
 # columns of `LineStore.rows`
 LINE_POINT, LINE_NORMAL, LINE_TANGENT, LINE_COORDINATES, LINE_ARC, LINE_STD, LINE_ROW = 0, 3, 6, 9, 11, 12, 13
 GRID_CELLS = 1 << 16  # hash values; cells with the same one only cost comparisons
@@ -24,7 +24,7 @@ class LineStore(NamedTuple):
     heads: IntArray  # (GRID_CELLS,): last point that was added with each hash value
     starts: IntArray  # (l + 1,): first point of each line
     ends: IntArray  # (l, 2): outcomes of the backward and the forward part
-    counts: IntArray  # (4,): points, lines, sides of points and seeds that were visited
+    counts: IntArray  # (5,): points, lines, sides of points and seeds that were visited, and steps along lines
     cell: float  # edge of a cell of the grid
 
 
@@ -38,7 +38,7 @@ def line_store(capacity: int, cell: float) -> LineStore:
         np.full(GRID_CELLS, -1, np.int32),
         np.zeros(capacity + 1, np.int32),
         np.zeros((capacity, 2), np.int32),
-        np.zeros(4, np.int64),
+        np.zeros(COUNTS, np.int64),
         cell,
     )
 

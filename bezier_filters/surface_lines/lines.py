@@ -17,6 +17,7 @@ from bezier_filters.patch_surface.surface import Surface, check_surface, empty_p
 from bezier_filters.result_tables import Table, TabularResult
 from bezier_filters.runtime.parallel import Progress, report, runs_on_threads
 from bezier_filters.status import MessageEnum
+from bezier_filters.surface_lines.coordinate_rounding import include_rounding
 from bezier_filters.surface_lines.direction_field import (
     MAX_DIRECTION_STD,
     MAX_FIELD,
@@ -75,9 +76,12 @@ DEFAULT_SPACING = 1.0 / 60.0  # of lines, in diagonals of the bounding box
 # Steps in mean edges of a face, and at most in spacings. Halved, lines on an ellipsoid of 2,252 vertices come out
 # as accurate; doubled, they are a half less so.
 STEP_OF_EDGE, STEP_OF_SPACING = 0.5, 0.2
-MIN_SPACING = 1e-3  # in diagonals of the bounding box: a thousandth has millions of points
+# Of lines, in diagonals of the bounding box: at a thousandth they have millions of points; beyond the whole, nearly all
+# are shorter than twice the spacing.
+MIN_SPACING, MAX_SPACING = 1e-3, 1.0
 MAX_DIAGONALS = 30.0  # length of each half of a line, in diagonals of the bounding box
-FIRST_CAPACITY, POINTS_PER_CALL = 4096, 4096
+FIRST_CAPACITY, STEPS_PER_CALL = 4096, 4096  # a step takes some 20 microseconds
+MAX_POINTS = 1 << 24  # of the lines of a kind, 128 bytes each while they are traced
 
 
 class LineEnd(MessageEnum):
@@ -123,7 +127,7 @@ class SurfaceLine(_LineMeasures):
     points : (k, 3) float64
         Points on the surface in order; a closed line repeats its first point at the end.
     tangents : (k, 3) float64
-        Unit directions of the field, along the line.
+        Unit directions of the field, from the first point of the line to the last.
     normals : (k, 3) float64
         Unit normals of the surface.
     normal_curvature, geodesic_torsion : (k,) float64
@@ -265,8 +269,8 @@ def trace_lines(
     normal_curvature : float, optional
         The normal curvature for ``"normal"``, 1/length, positive where convex.
     spacing : float, optional
-        Distance between neighbouring lines of a kind, a length; by default a 60th of the diagonal of the bounding box,
-        or with seeds none, so that lines may come as near to each other as they do.
+        Distance between neighbouring lines of a kind, a length from a thousandth of the diagonal of the bounding box to
+        the whole; by default a 60th of it, or with seeds none, so that lines may come as near to each other as they do.
     seeds : (s, 3) array_like of float, optional
         Points, each of whose nearest places on the surface gets a line of each kind, and there are no others. With a
         spacing, seeds near a line are omitted.
@@ -284,7 +288,7 @@ def trace_lines(
     Raises
     ------
     InvalidParameterError
-        If a parameter is out of range.
+        If a parameter is out of range, or the lines of a kind have more than 16,777,216 points.
     CancelledError
         If `progress` returned False.
 
@@ -302,6 +306,7 @@ def trace_lines(
     True
     """
     check_surface(surface)
+    surface = include_rounding(surface)
     fields = _fields(family, normal_curvature)
     diagonal = float(np.linalg.norm(np.ptp(surface.mesh.vertices, axis=0)))
     default_spacing = float(np.ldexp(DEFAULT_SPACING * diagonal, surface.exponent))
@@ -310,10 +315,11 @@ def trace_lines(
     if spacing is not None and not (is_real(spacing) and 0.0 < spacing < np.inf):
         raise InvalidParameterError(f"spacing: got {spacing!r}, expected a positive length")
     distance = 0.0 if spacing is None else float(np.ldexp(spacing, -surface.exponent))
-    if spacing is not None and distance < MIN_SPACING * diagonal:
+    if spacing is not None and not MIN_SPACING * diagonal <= distance <= MAX_SPACING * diagonal:
+        least, most = np.ldexp(diagonal * np.array([MIN_SPACING, MAX_SPACING]), surface.exponent)
         raise InvalidParameterError(
-            f"spacing: got {spacing!r}, expected at least {np.ldexp(MIN_SPACING * diagonal, surface.exponent):.3g}, "
-            f"{MIN_SPACING:g} diagonals of the bounding box"
+            f"spacing: got {spacing!r}, expected {least:.3g} to {most:.3g}, a thousandth of the diagonal of the "
+            "bounding box to the whole"
         )
     if not (is_real(max_error) and 0.0 < max_error <= 45.0):
         raise InvalidParameterError(f"max_error: got {max_error!r}, expected degrees above 0 and up to 45")
@@ -332,11 +338,16 @@ def trace_lines(
         store = line_store(FIRST_CAPACITY, distance or diagonal)
         done = sum(len(line.points) for line in lines)
         while True:
-            outcome = trace_field(tracer, store, faces, coordinates, seeds is None, POINTS_PER_CALL)
+            outcome = trace_field(tracer, store, faces, coordinates, seeds is None, STEPS_PER_CALL)
             report(progress, min(done + int(store.counts[POINT_COUNT]), total), total)
             if outcome == ALL_TRACED:
                 break
             if outcome == STORE_IS_FULL:
+                if len(store.rows) >= MAX_POINTS:
+                    raise InvalidParameterError(
+                        f"{'spacing' if seeds is None else 'seeds'}: the lines have more than {MAX_POINTS:,} points; "
+                        f"give {'a larger spacing' if seeds is None else 'fewer seeds, or a spacing'}"
+                    )
                 store = enlarge_store(store)
         lines += _lines(surface, store, kind)
     report(progress, total, total)
@@ -368,6 +379,7 @@ def _tracer(surface: Surface, code: int, value: float, max_std: float, spacing: 
         STEP_OF_SPACING * spacing if spacing else np.inf,
         spacing,
         max_length,
+        np.zeros(len(surface.mesh.faces), dtype=np.bool_),
     )
 
 
@@ -397,7 +409,8 @@ def _lines(surface: Surface, store: LineStore, kind: LineKind) -> list[SurfaceLi
         rows_of.append(np.append(rows, rows[0]) if store.ends[k, 1] == CLOSED_LINE else rows)
     rows = np.concatenate([np.empty(0, np.int64), *rows_of])
     there = surface.evaluate(store.faces[rows], np.clip(store.rows[rows, LINE_COORDINATES:LINE_ARC], 0.0, 1.0))
-    tangents = store.rows[rows, LINE_TANGENT:LINE_COORDINATES]
+    sides = np.where(store.rows[rows, LINE_ARC] < 0.0, -1.0, 1.0)  # the first half was traced backward
+    tangents = sides[:, np.newaxis] * store.rows[rows, LINE_TANGENT:LINE_COORDINATES]
     cosine = np.einsum("ij,ij->i", tangents, there.direction_max)
     sine = np.einsum("ij,ij->i", tangents, there.direction_min)
     values = {

@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bezier_filters.arrays import FloatArray, IntArray
-from bezier_filters.patch_surface.blending import SurfaceArrays, place_on_surface
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.patch_surface.blending import SurfaceArrays, X, place_on_surface
 from bezier_filters.patch_surface.projection import AT_BORDER, ON_SURFACE, Places, descend, write_place
 from bezier_filters.runtime.jit import inner_jit, jit
 from bezier_filters.surface_lines.direction_field import write_direction
@@ -28,6 +28,7 @@ from bezier_filters.surface_lines.line_store import (
     NEXT_SEED,
     NEXT_SIDE,
     POINT_COUNT,
+    STEP_COUNT,
     LineStore,
     is_near_line,
     remove_points,
@@ -42,6 +43,8 @@ MAX_TURN = 0.94  # cosine of the largest angle between the directions at the end
 # of the spacing: distance of seeds from other lines, as chords are shorter than the walk to them; distance at which
 # lines end; largest gap of a closed line; and least length of a line
 SEED_DISTANCE, END_DISTANCE, CLOSING_GAP, LEAST_LENGTH = 0.9, 0.5, 0.1, 2.0
+MAX_OFFSET = 1e-3  # of a step: distance of the surface over a face from a place there
+MIN_CLOSING_STEP = 0.5  # of a step: least length of the last one of a closed line, which would turn aside if shorter
 # scratch vectors: direction of the line, of a stage, sum of stages, position and normal, start of the line
 ALIGNED, STAGE, STAGE_SUM, HERE, LINE_START, SCRATCH_SIZE = 0, 3, 6, 9, 15, 21
 
@@ -61,6 +64,7 @@ class Tracer(NamedTuple):
     max_step: float  # a length
     spacing: float  # 0 for lines that may cross others
     max_length: float  # of each half of a line
+    is_short: BoolArray  # (m,): faces on lines that were dropped, whose middles are no seeds: they are on the same ones
 
 
 @jit()
@@ -69,13 +73,14 @@ def trace_field(
 ) -> int:
     """Trace lines from seeds, and with `fill` from both sides of all points of lines, until there is no place for more.
 
-    Returns after so many points; call it again with the same arguments unless it returns `ALL_TRACED`, with a larger
-    store if it returns `STORE_IS_FULL`.
+    Returns after a line with which it made so many steps; call it again with the same arguments unless it returns
+    `ALL_TRACED`, with a larger store if it returns `STORE_IS_FULL`.
     """
-    last = store.counts[POINT_COUNT] + budget
+    last = store.counts[STEP_COUNT] + budget
     while True:
-        if store.counts[POINT_COUNT] > last:
+        if store.counts[STEP_COUNT] > last:
             return MORE_TO_TRACE
+        store.counts[STEP_COUNT] += 1
         if fill and store.counts[NEXT_SIDE] < 2 * store.counts[POINT_COUNT]:
             side = store.counts[NEXT_SIDE]
             is_there = _walk_aside(tracer, store, side // 2, 1.0 if side % 2 == 0 else -1.0)
@@ -87,7 +92,7 @@ def trace_field(
             return ALL_TRACED
         seed = store.counts[NEXT_SEED]
         f, a, b = seeds[seed], seed_coordinates[seed, 0], seed_coordinates[seed, 1]
-        if place_on_surface(tracer.surface, f, a, b, tracer.work):
+        if not (fill and tracer.is_short[f]) and place_on_surface(tracer.surface, f, a, b, tracer.work):
             tracer.here.outcome[0] = ON_SURFACE
             write_place(tracer.surface, f, a, b, tracer.work, 0, tracer.here)
             if not _trace_line(tracer, store):
@@ -119,7 +124,7 @@ def _walk_aside(tracer: Tracer, store: LineStore, row: int, side: float) -> bool
             length += scratch[STAGE + axis] ** 2
         for axis in range(3):
             scratch[STAGE + axis] /= np.sqrt(length)
-    return True
+    return _is_over_face(tracer, MAX_OFFSET * tracer.max_step)
 
 
 @inner_jit()
@@ -156,6 +161,8 @@ def _trace_line(tracer: Tracer, store: LineStore) -> bool:
         remove_points(store, first)
         return False
     if store.counts[POINT_COUNT] < first + 2 or length < LEAST_LENGTH * spacing:
+        for row in range(first, store.counts[POINT_COUNT]):
+            tracer.is_short[store.faces[row]] = True
         remove_points(store, first)
         return True
     store.counts[LINE_COUNT] += 1
@@ -173,6 +180,7 @@ def _trace_half(tracer: Tracer, store: LineStore, sign: float) -> int:
             return TOO_LONG
         step = min(tracer.step * _face_size(tracer.surface, here.face[0]), tracer.max_step)
         for halving in range(MAX_HALVINGS + 1):
+            store.counts[STEP_COUNT] += 1
             outcome, std = _step(tracer, step)
             if outcome == ON_SURFACE:
                 break
@@ -182,6 +190,8 @@ def _trace_half(tracer: Tracer, store: LineStore, sign: float) -> int:
             return outcome
         gap = spacing if spacing > 0.0 else 4.0 * step
         if sign > 0.0 and arc > 3.0 * gap and _passes_start(tracer, CLOSING_GAP * gap, step):
+            if _distance_to_start(tracer) < MIN_CLOSING_STEP * step:
+                remove_points(store, store.counts[POINT_COUNT] - 1)
             return CLOSED_LINE
         arc += step
         if spacing > 0.0:
@@ -231,6 +241,8 @@ def _step(tracer: Tracer, step: float) -> tuple[int, float]:
         turn += scratch[STAGE + axis] * scratch[ALIGNED + axis]
     if turn < MAX_TURN:
         return END_OF_FIELD, 0.0
+    if not _is_over_face(tracer, MAX_OFFSET * step):
+        return NO_PATCH, 0.0
     for axis in range(3):
         scratch[ALIGNED + axis] = scratch[STAGE + axis]
     return ON_SURFACE, std
@@ -259,6 +271,18 @@ def _move(tracer: Tracer, start: Places, direction: FloatArray, distance: float)
 
 
 @inner_jit()
+def _is_over_face(tracer: Tracer, tolerance: float) -> bool:
+    """Whether the surface over the face of `tracer.ahead` is there: the search may follow another sheet of a fold."""
+    ahead, work, squared = tracer.ahead, tracer.work, 0.0
+    f, a, b = ahead.face[0], ahead.coordinates[0, 0], ahead.coordinates[0, 1]
+    if not place_on_surface(tracer.surface, f, a, b, work):
+        return False
+    for axis in range(3):
+        squared += (work[X + axis] - ahead.points[0, axis]) ** 2
+    return squared <= tolerance * tolerance
+
+
+@inner_jit()
 def _passes_start(tracer: Tracer, gap: float, step: float) -> bool:
     """Whether the step from `tracer.here` to `tracer.ahead` passes the start of the line, no farther than the gap."""
     before, after, scratch = 0.0, 0.0, tracer.scratch
@@ -267,6 +291,15 @@ def _passes_start(tracer: Tracer, gap: float, step: float) -> bool:
         before += (tracer.here.points[0, axis] - scratch[LINE_START + axis]) * tangent
         after += (tracer.ahead.points[0, axis] - scratch[LINE_START + axis]) * tangent
     return before <= 0.0 < after and before > -2.0 * step and _is_in_line_with_start(tracer, gap)
+
+
+@inner_jit()
+def _distance_to_start(tracer: Tracer) -> float:
+    """Distance of `tracer.here` from the start of the line."""
+    squared = 0.0
+    for axis in range(3):
+        squared += (tracer.here.points[0, axis] - tracer.scratch[LINE_START + axis]) ** 2
+    return float(np.sqrt(squared))
 
 
 @inner_jit()

@@ -18,6 +18,7 @@ from bezier_filters.differential_geometry import MIN_CURVATURE_DIFFERENCE, UMBIL
 from bezier_filters.fitting.vertex_geometry import VertexGeometry
 from bezier_filters.meshes.unit_size import LENGTH
 from bezier_filters.patch_surface.surface import Surface
+from bezier_filters.surface_lines.coordinate_rounding import include_rounding
 
 
 @dataclass(frozen=True)
@@ -56,7 +57,7 @@ def find_umbilics(surface: Surface) -> tuple[Umbilic, ...]:
     >>> [umbilic.index for umbilic in find_umbilics(fit_surface(shape.vertices, shape.faces))]
     [0.5, 0.5, 0.5, 0.5]
     """
-    faces, geometry = surface.cut.faces, surface.geometry
+    faces, geometry = surface.cut.faces, include_rounding(surface).geometry
     indices, zeros = face_indices(faces, geometry)
     clusters, on_border = _clusters(surface, ~has_directions(geometry))
     rows = np.flatnonzero((clusters >= 0) | (indices != 0.0))

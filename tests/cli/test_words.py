@@ -222,3 +222,10 @@ def test_a_reason_of_a_filled_hole_is_what_was_tried_before(capsys):
     shown = capsys.readouterr().out
     assert shown.count("tried before: surface: 3 of its faces would cut others") == 1
     assert shown.count("surface: 3 of its faces would cut others") == 2
+
+
+@pytest.mark.parametrize("command", ["measure", "lines", "creases", "bake"])
+def test_commands_that_refuse_point_clouds_ask_for_faces(command):
+    text = " ".join(run(command, "--help").stdout.split())
+    assert "Mesh with faces to read" in text
+    assert "point cloud to read" not in text

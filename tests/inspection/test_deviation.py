@@ -57,6 +57,15 @@ def test_z_scores_of_two_noisy_meshes_of_one_surface_are_standard(make, resoluti
     assert 0.6 < rms(regional) < 1.5  # a dozen independent regions of each
 
 
+@pytest.mark.parametrize(("make", "resolution"), [(torus, 24), (ellipsoid, 16), (bumpy_star, 16), (sphere, 14)])
+def test_two_meshes_of_one_surface_without_noise_have_no_regions(make, resolution):
+    """The reference is interpolated between its vertices, with an error of shape."""
+    scan, model = make(resolution=resolution, jitter=0.3), make(resolution=resolution + 3, jitter=0.3, seed=4)
+    found = compare(scan.vertices, scan.faces, model.vertices, model.faces)
+    assert found.regions == ()
+    assert 0.3 < rms(found.z_scores) < 3.0
+
+
 def test_points_against_a_surface_have_their_own_noise(ring_pair):
     scan, vertices, surface = ring_pair
     found = compare(vertices, scan.faces, surface, measured="points")

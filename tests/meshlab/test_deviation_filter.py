@@ -14,7 +14,8 @@ from bezier_filters import (
     load_mesh,
     save_mesh,
 )
-from bezier_filters.surfaces import sphere
+from bezier_filters.meshlab.deviation_filter import deviation_report
+from bezier_filters.surfaces import bumpy_star, sphere
 
 SCAN, MODEL = sphere(radius=1.02, resolution=10), sphere(resolution=8)
 GREY = 166
@@ -39,6 +40,31 @@ def test_columns_and_report_are_those_of_the_array_function():
     assert report["mean"] == found.mean
     assert report["share_within"] == 1.0
     assert json.loads(json.dumps(report)) == report
+
+
+@pytest.mark.parametrize("motion", ["shift", "turn", "dent", "offset", "none"])
+def test_meshes_that_are_not_registered_get_a_remark(motion):
+    """Of a fifth of an edge; a dent of half an edge and a larger body get none."""
+    scan, model = bumpy_star(resolution=16, jitter=0.3), bumpy_star(resolution=18, jitter=0.3, seed=1)
+    edge = np.linalg.norm(np.diff(scan.vertices[scan.faces[:, :2]], axis=1), axis=2).mean()
+    random = np.random.default_rng(0)
+    noisy = [
+        body.vertices + 0.05 * edge * random.normal(size=(len(body.vertices), 1)) * body.normals
+        for body in (scan, model)
+    ]
+    dent = np.exp(-np.square(scan.vertices - scan.vertices[7]).sum(axis=1) / (3.0 * edge) ** 2)[:, np.newaxis]
+    angle = 0.2 * edge
+    moved = {
+        "shift": noisy[0] + [0.2 * edge, 0.0, 0.0],
+        "turn": noisy[0] @ np.array([[1.0, -angle, 0.0], [angle, 1.0, 0.0], [0.0, 0.0, 1.0]]),
+        "dent": noisy[0] - 0.5 * edge * dent * scan.normals,
+        "offset": noisy[0] + 0.2 * edge * scan.normals,
+        "none": noisy[0],
+    }[motion]
+    report = deviation_report(compare(moved, scan.faces, noisy[1], model.faces))
+    expected = [f"of the deviation, {report['rigid_share']:.0%} is a rigid motion: register the meshes first"]
+    assert report["remarks"] == (expected if motion in {"shift", "turn"} else [])
+    assert bool(report["regions"]) == (motion != "none")
 
 
 def test_colours_are_green_within_the_tolerance_and_grey_where_nothing_is_compared():

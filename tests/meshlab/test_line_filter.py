@@ -12,7 +12,7 @@ from bezier_filters import fit_surface, trace_lines
 from bezier_filters.cli.commands import app
 from bezier_filters.errors import CancelledError
 from bezier_filters.meshlab.line_filter import generate_polyline_by_bezier_patch_direction
-from bezier_filters.meshlab.mesh_files import load_mesh
+from bezier_filters.meshlab.mesh_files import load_mesh, save_mesh
 from bezier_filters.meshlab.meshset import BezierFilterError, PercentageValue
 from bezier_filters.surfaces import ellipsoid
 
@@ -68,12 +68,39 @@ def test_lines_of_a_family_run_through_seeds(body):
     assert {*np.sign(twist)} == {-1.0, 0.0, 1.0}  # umbilics have none
 
 
+@pytest.mark.parametrize("suffix", [".ply", ".obj", ".vtp"])
+def test_saved_layers_keep_their_edges(body, tmp_path, suffix):
+    """Files of `save_current_mesh` of pymeshlab lose them in PLY files."""
+    report = generate_polyline_by_bezier_patch_direction(body, spacing=PercentageValue(10))
+    body.set_current_mesh(report["polylines_id"])
+    layer, target = body.current_mesh(), tmp_path / f"lines{suffix}"
+    assert save_mesh(body, target) == ()
+    if suffix == ".vtp":
+        found = pytest.importorskip("pyvista").read(target)
+        assert found.n_lines == layer.edge_number()
+        np.testing.assert_array_equal(found["bz_umbilic_index"], layer.vertex_custom_scalar_attribute_array(COLUMNS[3]))
+        return
+    saved = load_mesh(target)
+    found = saved.current_mesh()
+    np.testing.assert_array_equal(found.edge_matrix(), layer.edge_matrix())
+    np.testing.assert_array_equal(found.vertex_matrix(), layer.vertex_matrix())
+
+
+def test_formats_without_edges_are_named(body, tmp_path):
+    report = generate_polyline_by_bezier_patch_direction(body, spacing=PercentageValue(10))
+    body.set_current_mesh(report["polylines_id"])
+    (remark,) = save_mesh(body, tmp_path / "lines.off")
+    assert remark.startswith(f"written without its {body.current_mesh().edge_number():,} edges")
+
+
 def test_a_sphere_has_no_asymptotic_lines():
     ms = pymeshlab.MeshSet()
     ms.create_sphere(subdiv=4)
     report = generate_polyline_by_bezier_patch_direction(ms, family="asymptotic")
     assert report["lines"] == 0
-    assert report["warnings"] == ["there are no lines: no direction is known, or none has that curvature"]
+    assert report["warnings"] == [
+        "there are no lines: no direction is known, none has that curvature, or all are short for the spacing"
+    ]
 
 
 @pytest.mark.parametrize(

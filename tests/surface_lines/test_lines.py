@@ -5,8 +5,10 @@ import pytest
 from scipy.spatial import cKDTree
 
 from bezier_filters import CancelledError, InvalidParameterError, LineEnd, fit_surface, trace_lines
+from bezier_filters.status import FitStatus
+from bezier_filters.surface_lines import lines as lines_module
 from bezier_filters.surface_lines.umbilics import face_indices
-from bezier_filters.surfaces import bumpy_star, cylinder, ellipsoid, height_field, torus
+from bezier_filters.surfaces import bumpy_star, cylinder, ellipsoid, height_field, torus, waves
 from lines import AXES, deviation, exact_umbilics
 
 
@@ -142,6 +144,69 @@ def test_they_follow_the_scale(scale):
     for one, other in zip(found.lines, plain.lines, strict=True):
         np.testing.assert_allclose(one.points, scale * other.points, rtol=0.0, atol=1e-5 * scale)
     assert found.umbilics[0].radius == pytest.approx(scale * plain.umbilics[0].radius)
+
+
+def test_tangents_run_along_the_line(ellipsoid_lines):
+    """From its first point to its last, on both sides of the seed."""
+    for line in ellipsoid_lines.lines:
+        steps = np.diff(line.points, axis=0)
+        along = np.einsum("ij,ij->i", steps, line.tangents[:-1]) / np.linalg.norm(steps, axis=1)
+        assert along.min() > 0.7
+
+
+def test_closed_lines_have_no_short_last_step(ellipsoid_lines):
+    """It would turn aside by the gap that is closed, to any angle."""
+    for line in ellipsoid_lines.lines:
+        steps = np.linalg.norm(np.diff(line.points, axis=0), axis=1)
+        assert steps[-1] > 0.4 * np.median(steps) or not line.is_closed
+
+
+@pytest.mark.parametrize("precision", [np.float32, np.float64])
+@pytest.mark.parametrize("resolution", [6, 12, 30])
+def test_turned_planes_have_no_lines(resolution, precision):
+    """What rounding bends a regular mesh by is no curvature."""
+    plane = height_field(lambda x, y: [0.0 * x] * 6, resolution=resolution)
+    for seed in range(3):
+        turn = np.linalg.qr(np.random.default_rng(seed).standard_normal((3, 3)))[0]
+        vertices = (plane.vertices @ turn.T).astype(precision)
+        assert trace_lines(fit_surface(vertices, plane.faces)).lines == ()
+
+
+def test_lines_end_at_folds_where_no_surface_is_over_their_faces():
+    """The patches at the corners of this mesh fold: tangents were tangent to another sheet."""
+    hills, order = waves(), np.random.default_rng(0).permutation(1369)
+    faces = np.argsort(order)[hills.faces][np.random.default_rng(0).permutation(len(hills.faces))]
+    surface = fit_surface(hills.vertices[order], faces)
+    assert surface.geometry.status.max() >= FitStatus.LOWER_DEGREE
+    for line in trace_lines(surface).lines:
+        np.testing.assert_allclose(np.einsum("ij,ij->i", line.tangents, line.normals), 0.0, atol=1e-6)
+
+
+def test_wide_spacings_end():
+    """Each face is on a line that is too short, and the same for many."""
+    shape = ellipsoid(semi_axes=tuple(AXES), resolution=16)
+    surface = fit_surface(shape.vertices, shape.faces)
+    with pytest.raises(InvalidParameterError, match=r"spacing: got 1000000\.0, expected"):
+        trace_lines(surface, spacing=1e6)
+    calls = []
+    found = trace_lines(surface, spacing=2.0, progress=lambda done, total: calls.append(done) or True)
+    assert len(found.lines) < 10
+    assert len(calls) < 200
+
+
+def test_it_can_be_cancelled_while_no_line_is_long_enough():
+    shape = ellipsoid(semi_axes=tuple(AXES), resolution=16)
+    surface = fit_surface(shape.vertices, shape.faces)
+    calls = []
+    trace_lines(surface, "max", max_error=1e-6, progress=lambda done, total: calls.append(done) or True)
+    assert len(calls) > 2
+
+
+def test_the_number_of_points_is_bounded(monkeypatch):
+    monkeypatch.setattr(lines_module, "MAX_POINTS", 4096)
+    shape = ellipsoid(semi_axes=tuple(AXES), resolution=8)
+    with pytest.raises(InvalidParameterError, match="seeds: the lines have more than 4,096 points; give fewer"):
+        trace_lines(fit_surface(shape.vertices, shape.faces), seeds=np.tile(shape.vertices, (4, 1)))
 
 
 def test_tables_and_dicts(ellipsoid_lines):
