@@ -101,6 +101,12 @@ keep_store : switch, default False
 """)
 
 
+def _check_local_target(target: str | Path, *sources: str | Path | None, overwrite: bool) -> None:
+    """Check a target that is no URL, which the run checks."""
+    if "://" not in str(target):
+        check_target(*(Path(path) for path in (target, *sources) if path is not None), overwrite=overwrite)
+
+
 CURVATURE_EXAMPLES = (
     "scale curvature statue.ply curved.ply --memory-limit 2GB",
     "scale curvature statue.ply curved.ply --scheduler-file cluster.json --store s3://bucket/tiles",
@@ -126,7 +132,7 @@ def curvature(
     """
     from bezier_filters.scale import FitOptions, estimate_file
 
-    check_target(*(Path(path) for path in (target, source, faces) if path is not None), overwrite=overwrite)
+    _check_local_target(target, source, faces, overwrite=overwrite)
     fit = FitOptions(**_pop_fit_options(given, TILE_FIT))
     given["scheduler"] = choose_scheduler(given["scheduler"], given.pop("scheduler_file"))
     files = source if faces is None else (source, faces)
@@ -156,7 +162,7 @@ def smooth(
     from bezier_filters.scale import FitOptions, smooth_file
     from bezier_filters.scale.smooth import PAPER_OPTIONS
 
-    check_target(*(Path(path) for path in (target, source, faces) if path is not None), overwrite=overwrite)
+    _check_local_target(target, source, faces, overwrite=overwrite)
     fit = FitOptions(**_pop_fit_options(given, PAPER_FIT))
     given["scheduler"] = choose_scheduler(given["scheduler"], given.pop("scheduler_file"))
     files = source if faces is None else (source, faces)

@@ -16,6 +16,7 @@ from bezier_filters.patch_surface.surface import Surface
 # neighbourhood. On 120 turned planes of 36 to 2,500 vertices, in single and double precision, principal curvatures
 # differ by up to 71 of these, which is below the 4.3 standard errors from which on a direction is known.
 ROUNDING_ERROR = 20.0
+MAX_ERROR = 1e150  # of curvatures that are known to no digit, whose squares are finite
 
 
 def include_rounding(surface: Surface) -> Surface:
@@ -25,7 +26,8 @@ def include_rounding(surface: Surface) -> Surface:
     precision = np.float32 if np.array_equal(single, given) else np.float64
     half_unit = float(np.finfo(precision).epsneg) * float(np.abs(given).max(initial=0.0))
     radii = np.maximum(geometry.rings_used, 1) * _mean_edges(cut.vertices, cut.faces)
-    errors = ROUNDING_ERROR * half_unit / np.square(np.where(radii > 0.0, radii, np.inf))
+    with np.errstate(over="ignore"):  # of dust that is far from the origin
+        errors = np.minimum(ROUNDING_ERROR * half_unit / np.square(np.where(radii > 0.0, radii, np.inf)), MAX_ERROR)
     std = np.hypot(geometry.mean_curvature_std, errors)
     return replace(surface, geometry=replace(geometry, mean_curvature_std=std))
 

@@ -393,7 +393,8 @@ def _best_places(surface: Surface) -> tuple[IntArray, FloatArray]:
     """Middles of all faces with a direction, first those where it is known best."""
     faces = np.arange(len(surface.mesh.faces), dtype=np.int32)
     there = surface.evaluate(faces, np.full((len(faces), 2), 1.0 / 3.0))
-    error = there.mean_curvature_std / np.maximum(there.geodesic_torsion, np.finfo(np.float64).tiny)
+    with np.errstate(over="ignore"):  # no direction: last
+        error = there.mean_curvature_std / np.maximum(there.geodesic_torsion, np.finfo(np.float64).tiny)
     order = np.argsort(error, kind="stable")
     order = order[there.outcome[order] == ON_SURFACE]
     return faces[order], np.full((len(order), 2), 1.0 / 3.0)

@@ -89,8 +89,8 @@ class TestLoading:
                 b"OFF\n4 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n# faces\n4 0 1\n2 3\n\n3 0 1 2\n",
                 "it is cut short or has faces over several lines: line 8 announces 4 corners, but holds 2",
             ),
-            ("mesh.foo", b"abc", "Unknown format for load: foo"),
-            ("mesh", b"abc", "Unknown format for load"),
+            ("mesh.foo", b"abc", "its name ends in no format"),
+            ("mesh", b"abc", "its name ends in no format"),
             ("none.ply", b"ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\nend_header\n", ""),
             (
                 "cut.ply",

@@ -61,7 +61,7 @@ FILES = {
     "a_text.obj": (b"Dear all,\nplease find attached\n", "No vertex found"),
     "a_ply.stl": (TORUS, "it is cut short or damaged: its header announces"),
     "an_obj.off": (b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "cannot read"),
-    "mesh.docx": (b"PK\x03\x04" + bytes(300), "Unknown format"),
+    "mesh.docx": (b"PK\x03\x04" + bytes(300), "its name ends in no format"),
     "huge_counts.ply": (hostile(10**17, 10**17), "its header announces 2500000000000000000 bytes of data or more"),
     "beyond_counts.ply": (hostile(10**18, 1), "it announces more than any file can hold"),
     "negative_counts.ply": (hostile(-3, 1), "it announces more than any file can hold"),
