@@ -31,6 +31,7 @@ from bezier_filters.cli.app import (
     pipe_callback,
 )
 from bezier_filters.cli.option_checks import check_options, check_picture_options
+from bezier_filters.cli.pages import check_page, write_line_page
 from bezier_filters.fields import qualities
 from bezier_filters.parameters import COLORS, PARAMETERS, Parameter
 from bezier_filters.runtime.file_names import printable_name, printable_path, user_path
@@ -329,6 +330,9 @@ def lines(
     target: Lines,
     *,
     picture: Picture = None,
+    page: Annotated[
+        Path | None, typer.Option("--report", help="Page with the mesh and its lines.", metavar="PAGE.html")
+    ] = None,
     view: PictureView = None,
     up: Up = "auto",
     front: Front = "auto",
@@ -356,6 +360,9 @@ def lines(
     if picture is not None:
         check_picture(picture)
         check_target(picture, source, overwrite=overwrite)
+    if page is not None:
+        check_page(page)
+        check_target(page, source, overwrite=overwrite)
     check_picture_options(views=view, up=up, front=front)
     check_options(PARAMETERS["lines"], given)
     with console.stages(quiet=quiet or json) as stage:
@@ -375,15 +382,18 @@ def lines(
             panel = line_panel(mesh.vertices, mesh.faces, found, title=printable_name(source))
             panel = replace(panel, file_up=file_up(source))
             bf.render_panels(picture, [panel], views=view or ["front", "back"], up=up, front=front)
+        if page is not None:
+            stage(f"writing {printable_name(page)}")
+            write_line_page(source, page, mesh, found, up=up, front=front)
     report = report_of(found, geometry, mesh) | {"seconds": {"fit": fitted - begin, "trace": traced - fitted}}
     if json:
-        shown = None if picture is None else user_path(picture)
-        console.print_json({"input": user_path(source), "output": user_path(target), "picture": shown, **report})
+        paths = {"input": source, "output": target, "picture": picture, "page": page}
+        console.print_json({name: path and user_path(path) for name, path in paths.items()} | report)
     elif not quiet:
         console.print_lines(report, printable_path(source))
         console.print_written(report, printable_path(target))
-        if picture is not None:
-            console.out().print(f"wrote [bold]{console.escape(printable_path(picture))}[/]")
+        for path in filter(None, (picture, page)):
+            console.out().print(f"wrote [bold]{console.escape(printable_path(path))}[/]")
         console.print_outcome(report)
     end_with_remarks(printable_path(target), report)
 

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from bezier_filters.meshes.prepared_mesh import PreparedMesh
     from bezier_filters.meshlab.meshset import CurrentMesh
     from bezier_filters.pictures.page import Page
+    from bezier_filters.surface_lines.lines import SurfaceLines
 
 
 def check_page(page: Path) -> None:
@@ -53,6 +54,29 @@ def write_page(
     )
     made.save(page)
     return made
+
+
+def write_line_page(
+    source: Path,
+    page: Path,
+    mesh: "CurrentMesh",
+    found: "SurfaceLines",
+    *,
+    up: str,
+    front: str,
+) -> None:
+    """Write the page of a mesh file with lines on its surface."""
+    from bezier_filters.pictures.page import page_of
+    from bezier_filters.pictures.views import Orientation, file_up
+
+    page_of(
+        printable_name(source),
+        mesh.vertices,
+        mesh.faces,
+        lines=found,
+        about=file_facts(source),
+        oriented=Orientation(up, front, file_up(source)),
+    ).save(page)
 
 
 def file_facts(source: Path) -> list[str]:

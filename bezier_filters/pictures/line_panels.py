@@ -29,9 +29,9 @@ def line_panel(
     lines += [
         (ring_around(umbilic, found.mark_radius), UMBILIC_COLORS[umbilic.index > 0.0]) for umbilic in found.umbilics
     ]
-    names = [(_NAMES[kind], LINE_COLORS[kind]) for kind in FIELDS_OF[found.family]]
+    names = [(LINE_NAMES[kind], LINE_COLORS[kind]) for kind in FIELDS_OF[found.family]]
     signs = {umbilic.index > 0.0 for umbilic in found.umbilics}
-    names += [(_UMBILICS[sign], UMBILIC_COLORS[sign]) for sign in (True, False) if sign in signs]
+    names += [(UMBILIC_NAMES[sign], UMBILIC_COLORS[sign]) for sign in (True, False) if sign in signs]
     return Panel(
         vertices,
         faces,
@@ -48,5 +48,5 @@ def _thin(points: FloatArray) -> FloatArray:
     return np.vstack([points[:-1:2], points[-1:]])
 
 
-_UMBILICS = {True: "umbilics of positive index", False: "umbilics of negative index"}
-_NAMES = {"max": "lines of k_max", "min": "lines of k_min", "plus": "left of k_max", "minus": "right of k_max"}
+UMBILIC_NAMES = {True: "umbilics of positive index", False: "umbilics of negative index"}
+LINE_NAMES = {"max": "lines of k_max", "min": "lines of k_min", "plus": "left of k_max", "minus": "right of k_max"}

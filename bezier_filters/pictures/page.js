@@ -98,7 +98,7 @@ function show() {
   $("bar").hidden = $("logging").hidden = !field || !!field.names;
   $("split").hidden = !compared || state.beside;
   $("layouts").hidden = $("before").hidden = $("after").hidden = !compared;
-  const creases = [["ridges", [0.8, 0.1, 0.1]], ["ravines", [0.1, 0.2, 0.8]]].filter(([name]) => state.creases && meshes[name]).map(([name, color]) => [name, css(color)]);
+  const creases = state.creases ? data.lines.map(line => [line.name, css(line.color)]) : [];
   key($("names"), compared ? comparison_key() : [...(field && field.names ? legend_of(field) : []), ...creases]);
   $("note").textContent = [compared ? data.comparisons.find(([other]) => other === state.compare)[2] : field ? field.remark : "", ...data.notes].filter(Boolean).join(" ");
   const what = compared ? `the mesh before and after ${data.comparisons.find(([other]) => other === state.compare)[1]}` : field ? field.label : "the mesh";
@@ -298,7 +298,7 @@ const compare = name => {
   show();
 };
 $("logging").hidden = true; $("modes").hidden = !data.comparisons.length; $("cutting").hidden = !meshes.scan.count;
-$("lines").hidden = !meshes.ridges && !meshes.ravines; $("csv").hidden = !data.tables.length;
+$("lines").hidden = !data.lines.length; $("lines").querySelector("span").textContent = data.lines_label; $("csv").hidden = !data.tables.length;
 $("split").oninput = event => { state.split = Number(event.target.value); draw(); };
 $("log").onchange = event => { state.log = event.target.checked; choose(state.field); };
 $("creases").onchange = event => { state.creases = event.target.checked; if (state.compare) compare(""); else show(); };
@@ -367,7 +367,7 @@ const asked = new URLSearchParams(location.hash.slice(1));
 fit();
 turned(Number(asked.get("turn") || 0) * Math.PI / 180, Number(asked.get("tilt") || 0) * Math.PI / 180);
 if (asked.has("log")) { state.log = $("log").checked = true; }
-if (asked.has("creases")) { state.creases = $("creases").checked = true; }
+if (asked.has("creases") || data.lines_first) { state.creases = $("creases").checked = true; }
 if (asked.has("split")) { state.split = Number(asked.get("split")); $("split").value = state.split; }
 state.beside = asked.has("beside");
 const first_shown = asked.get("compare") ?? (asked.has("field") || asked.has("creases") ? "" : data.start);

@@ -18,12 +18,12 @@ from bezier_filters.arrays import FloatArray, IntArray, Report
 from bezier_filters.display import noise_level, shell_remark
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
-from bezier_filters.feature_lines.crease_lines import Creases, edge_mesh, find_creases
+from bezier_filters.feature_lines.crease_lines import Creases, find_creases
 from bezier_filters.fields import DEVIATION, ESTIMATES, SMOOTH, columns, values_of
 from bezier_filters.fitting.vertex_geometry import VertexGeometry
 from bezier_filters.holes.hole_filling import HoleFillingResult, fill_holes
 from bezier_filters.inspection.deviation import Deviation
-from bezier_filters.meshes.mesh import surface_or_points, takes_meshes
+from bezier_filters.meshes.mesh import TriangleMesh, surface_or_points, takes_meshes
 from bezier_filters.meshes.mesh_objects import MeshLike
 from bezier_filters.meshlab.hole_filter import fill_warnings
 from bezier_filters.meshlab.meshset import CurrentMesh
@@ -34,6 +34,7 @@ from bezier_filters.pictures.page_fields import (
     field_table,
     group_members,
 )
+from bezier_filters.pictures.page_lines import crease_layers, line_layers
 from bezier_filters.pictures.page_meshes import Frame, decimate, frame_of
 from bezier_filters.pictures.shades import shades_of
 from bezier_filters.pictures.verdict import Sentence, verdict
@@ -43,13 +44,14 @@ from bezier_filters.runtime.file_names import escape_unprintable
 from bezier_filters.runtime.parallel import Progress
 from bezier_filters.smoothing.smooth import SmoothingResult, smooth
 from bezier_filters.status import FitStatus
+from bezier_filters.surface_lines.lines import SurfaceLines
 
 DEFAULT_ORIENTATION = Orientation()
 MAX_PAGE_FACES = 200_000  # that a browser turns without jerks on any machine
 MAX_PAGE_HOLES = 100  # rows of the table of holes
 _NOTEBOOK_HEIGHT_PIXELS = 640  # pixels, in a notebook
 
-Result: TypeAlias = VertexGeometry | Creases | SmoothingResult | HoleFillingResult | Deviation
+Result: TypeAlias = VertexGeometry | Creases | SmoothingResult | HoleFillingResult | Deviation | SurfaceLines
 
 
 @dataclass(frozen=True, repr=False)
@@ -148,7 +150,8 @@ def show(
     """Show a mesh in a notebook, to be turned with the mouse, with results for it: the page of a report.
 
     What was smoothed or filled is after a slider whose other side is before. Fields are colours with legends and
-    histograms, whose values stand under the pointer; creases are lines. A line drawn on the mesh has a profile.
+    histograms, whose values stand under the pointer; creases, and lines of curvature or torsion, are lines. A line
+    drawn on the mesh has a profile.
 
     Parameters
     ----------
@@ -157,7 +160,7 @@ def show(
         library, see `mesh_arrays`, no faces.
     faces : (m, 3) array_like, optional
         Its triangles; None for a point cloud.
-    *results : VertexGeometry, Creases, SmoothingResult, HoleFillingResult or Deviation
+    *results : VertexGeometry, Creases, SmoothingResult, HoleFillingResult, Deviation or SurfaceLines
         What was computed from it, at most one of each.
     title : str
         Heading of the page.
@@ -191,14 +194,14 @@ def show(
     if not mesh.vertex_count:
         raise InvalidParameterError("vertices: got none, expected one or more")
     names = {VertexGeometry: "geometry", Creases: "creases", SmoothingResult: "smoothed", HoleFillingResult: "filled"}
-    names |= {Deviation: "deviation"}
+    names |= {Deviation: "deviation", SurfaceLines: "lines"}
     found: dict[str, Result] = {}
     for result in results:
         got, name = type(result).__name__, names.get(type(result), "")
         if not name or name in found:
             expected = ", ".join(kind.__name__ for kind in names)
             raise InvalidParameterError(f"results: got {got}, expected at most one each of {expected}")
-        if not _fits(result, mesh.vertex_count):
+        if not _fits(result, mesh):
             count = mesh.vertex_count
             raise InvalidParameterError(f"results: a {got} belongs to another mesh than these {count} vertices")
         found[name] = result
@@ -207,8 +210,11 @@ def show(
     return page_of(title, mesh.vertices, mesh.faces, **found, oriented=oriented, most_faces=most_faces)  # type: ignore[arg-type]
 
 
-def _fits(result: Result, vertex_count: int) -> bool:
-    """Whether a result is of a mesh with so many vertices."""
+def _fits(result: Result, mesh: TriangleMesh) -> bool:
+    """Whether a result is of a mesh with so many vertices, or faces."""
+    vertex_count = mesh.vertex_count
+    if isinstance(result, SurfaceLines):
+        return all(line.faces.max(initial=-1) < mesh.face_count for line in result.lines)
     if isinstance(result, HoleFillingResult):
         new = sum(len(hole.new_vertices) for hole in result.holes)
         return len(result.vertices) - new == len(result.old_vertices) == vertex_count
@@ -228,6 +234,7 @@ def page_of(
     smoothed: SmoothingResult | None = None,
     filled: HoleFillingResult | None = None,
     deviation: Deviation | None = None,
+    lines: SurfaceLines | None = None,
     *,
     facts: Sequence[tuple[str, str]] = (),
     findings: Sequence[str] = (),
@@ -252,10 +259,8 @@ def page_of(
     if deviation is not None:
         values |= columns(DEVIATION, deviation)
         known &= deviation.compared
-    if creases is not None:
-        for kind in ("ridge", "ravine"):
-            if lines := [line for line in creases.lines if line.kind == kind]:
-                meshes[f"{kind}s"] = frame.pack(*edge_mesh(lines)[:2], lines=True)
+    drawn = [*(() if creases is None else crease_layers(creases)), *(() if lines is None else line_layers(lines))]
+    meshes |= {layer.key: frame.pack(layer.points, layer.edges, lines=True) for layer in drawn}
     start = ""
     if filled is not None and filled.filled:
         meshes["filled"] = frame.pack_fills(filled, points, triangles)
@@ -291,6 +296,9 @@ def page_of(
         "radius": frame.radius,
         "comparisons": comparisons,
         "start": start,
+        "lines": [{"mesh": layer.key, "name": layer.name, "color": layer.color} for layer in drawn],
+        "lines_label": "Edges, ridges, ravines" if lines is None else "Lines",
+        "lines_first": lines is not None,
         "turn": oriented.first_view(vertices, faces).ravel().tolist(),
     }
     return Page(_html(title, data), notes, [field.name for field in fields], list(meshes))

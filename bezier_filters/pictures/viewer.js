@@ -210,7 +210,7 @@ function render(wide, tall, ratio, background) {
       gl.uniform2fv(painter.uniform("limits"), field.names ? [0, 1] : state.limits.map(place));
       paint(mesh, {mapped: true, codes: !!field.names, lit: mesh.count > 0});
     } else paint(mesh, {flat_: mesh.count > 0, lit: mesh.count > 0});
-    const lines = state.creases && !compared ? [[meshes.ridges, [0.8, 0.1, 0.1]], [meshes.ravines, [0.1, 0.2, 0.8]]] : [];
+    const lines = state.creases && !compared ? data.lines.map(line => [meshes[line.mesh], line.color]) : [];
     if (state.line && trace.count) lines.push([trace, background[0] > 0.5 ? [0, 0, 0] : [1, 1, 1]]);
     lines.forEach(([line, plain], k) => {
       gl.uniform1f(painter.uniform("nearer"), 0.004 + 0.001 * k);  // lines lie on the surface; wide ones are several
