@@ -25,6 +25,12 @@ _TINY = 1e-290  # values that count as 0, so that steps between the ends do not 
 MIN_NOISE_EDGES = 1e-4  # mean edges; weaker noise cannot be distinguished from the shape
 
 
+def check_percentile(percentile: float) -> None:
+    """Refuse a percentage of values beyond each end of a colour range that leaves none, or is no number."""
+    if not isinstance(percentile, Real) or not 0 <= percentile < 50:
+        raise InvalidParameterError(f"percentile: got {percentile!r}, expected 0 <= percentile < 50")
+
+
 def color_range(
     values: "FloatArray", *, signed: bool, percentile: float = 2.0, mask: "BoolArray | None" = None
 ) -> tuple[float, float]:
@@ -42,8 +48,7 @@ def color_range(
     """
     import numpy as np
 
-    if not isinstance(percentile, Real) or not 0 <= percentile < 50:
-        raise InvalidParameterError(f"percentile: got {percentile!r}, expected 0 <= percentile < 50")
+    check_percentile(percentile)
     usable = np.isfinite(values) if mask is None else np.isfinite(values) & mask
     if not usable.any():
         return -1.0, 1.0
@@ -177,6 +182,15 @@ def noise_level(sigma: float | None, edge: float | None = None) -> str:
     if sigma is None:
         return "unknown"
     return "too small to be learned" if sigma <= MIN_NOISE_EDGES * (edge or 0.0) else _format_length(sigma, edge)
+
+
+def noise_stays(before: float | None, after: float | None) -> bool:
+    """Whether noise before and after smoothing (lengths, or None if unknown) agrees in the two digits that are shown.
+
+    >>> noise_stays(0.0454, 0.0451), noise_stays(0.0454, 0.02), noise_stays(None, None)
+    (True, False, False)
+    """
+    return before is not None and after is not None and f"{before:.2g}" == f"{after:.2g}"
 
 
 def noise_in_words(

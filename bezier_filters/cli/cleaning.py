@@ -80,10 +80,10 @@ def clean(
         smoothed = bf.apply_coord_bezier_patch_smoothing(
             ms, progress=stage(f"smoothing {printable_name(source)}"), detail=given["detail"], **shared
         )
+        if page is not None:  # before the mesh, which may replace the source
+            write_page(source, page, stage, cleaned=target, skip=skip)
         stage(f"writing {printable_name(target)}")
         remarks = bf.save_mesh(ms, target, compact=True)
-        if page is not None:
-            write_page(source, page, stage, cleaned=target, skip=skip)
     report = {name: filled.get(name, []) + smoothed[name] for name in ("remarks", "warnings")}
     if json:
         shown = None if page is None else user_path(page)

@@ -37,9 +37,7 @@ def check_picture_options(
     limits: tuple[float, float] | None = None,
 ) -> None:
     """Refuse views, axes and colours of a picture that no mesh allows."""
-    import numpy as np
-
-    from bezier_filters.display import color_range
+    from bezier_filters.display import check_percentile
     from bezier_filters.meshlab.mesh_colors import check_limits
     from bezier_filters.pictures.render import check_colormap, check_views
     from bezier_filters.pictures.views import check_axes
@@ -48,7 +46,7 @@ def check_picture_options(
     check_axes(up, front)
     if colormap is not None:
         check_colormap(colormap)
-    color_range(np.zeros(0), signed=False, percentile=percentile)
+    check_percentile(percentile)
     if limits is not None:
         check_limits(*limits)
 
@@ -79,12 +77,10 @@ def _fit_options(values: Mapping[str, Any]) -> "FitOptions":
 
 def check_colors(values: Mapping[str, Any]) -> None:
     """Refuse a colour map of pymeshlab, a percentile or a colour range that no mesh allows."""
-    import numpy as np
-
-    from bezier_filters.display import color_range
+    from bezier_filters.display import check_percentile
     from bezier_filters.meshlab.mesh_colors import check_limits, find_color_map
 
     find_color_map(values["colormap"])
-    color_range(np.zeros(0), signed=False, percentile=values["percentile"])
+    check_percentile(values["percentile"])
     if "colorrange" in values:
         check_limits(*values["colorrange"])

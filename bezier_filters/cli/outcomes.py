@@ -3,7 +3,7 @@
 from collections import Counter
 from typing import TYPE_CHECKING
 
-from bezier_filters.display import noise_in_words, noise_level, shell_remark
+from bezier_filters.display import noise_in_words, noise_level, noise_stays, shell_remark
 from bezier_filters.fields import CURVATURE, qualities
 from bezier_filters.status import FitStatus
 
@@ -23,18 +23,16 @@ def _noise_change(report: "Report") -> str:
     if not report["moved"]:
         known = report["noise_before"], report["noise_length"], report["noise_heavy"]
         return f"{noise_in_words(*known, edge, reason=report['noise_reason'])}; nothing moved"
-    before, after = (noise_level(report[name], edge) for name in ("noise_before", "noise_after"))
-    return (
-        f"noise {before}, nearly all of which stays: it is like the shape"
-        if before == after
-        else f"noise {before} before, {after} after"
-    )
+    before, after = report["noise_before"], report["noise_after"]
+    if noise_stays(before, after):
+        return f"noise {noise_level(before, edge)}, nearly all of which stays: it is like the shape"
+    return f"noise {noise_level(before, edge)} before, {noise_level(after, edge)} after"
 
 
 def describe_outcome(report: "Report") -> str:
     """The most important numbers of a filter's report; empty if it has none."""
     if "fill" in report and "smooth" in report:
-        return f"{describe_outcome(report['fill'])}; {describe_outcome(report['smooth'])}"
+        return "; ".join(filter(None, (describe_outcome(report[name]) for name in ("fill", "smooth"))))
     if "sharp_edges" in report:
         return f"{len(report['lines']):,} lines, {report['sharp_edges']:,} sharp edges"
     if "index_sum" in report:

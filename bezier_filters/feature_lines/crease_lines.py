@@ -18,6 +18,7 @@ from bezier_filters.errors import InvalidMeshError, InvalidParameterError, is_re
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.estimation.hidden_edges import RESIDUAL_NOISE_FRACTION, hides_sharp_edges, noise_free_surface
 from bezier_filters.feature_lines.crest_lines import crest_segments, interpolate_on_edges, ridge_and_ravine_fields
+from bezier_filters.feature_lines.polylines import join_polylines
 from bezier_filters.fields import CREASES, column_names
 from bezier_filters.fitting.noise_level import is_noisy, learn_mesh_noise
 from bezier_filters.fitting.vertex_geometry import VertexGeometry
@@ -188,11 +189,7 @@ def edge_mesh(lines: Sequence[CreaseLine]) -> tuple[FloatArray, IntArray, IntArr
     >>> np.ptp(points, axis=0), len(points) - len(edges) == line_of_point[-1] + 1
     (array([1., 1., 1.]), np.True_)
     """
-    counts = np.array([len(line.points) for line in lines], dtype=np.int64)
-    points = np.vstack([np.empty((0, 3)), *(line.points for line in lines)])
-    line_of_point = np.repeat(np.arange(len(lines), dtype=np.int32), counts)
-    first = np.flatnonzero(line_of_point[1:] == line_of_point[:-1]).astype(np.int32)
-    return points, np.stack([first, first + 1], axis=1), line_of_point
+    return join_polylines([line.points for line in lines])
 
 
 @takes_meshes

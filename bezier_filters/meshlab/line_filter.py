@@ -6,6 +6,7 @@ import numpy as np
 
 from bezier_filters.arrays import FloatArray, IntArray, Report
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
+from bezier_filters.feature_lines.polylines import join_polylines
 from bezier_filters.fields import PREFIX
 from bezier_filters.fitting.vertex_geometry import VertexGeometry
 from bezier_filters.meshlab.meshset import (
@@ -182,8 +183,7 @@ def lines_as_mesh(
     lines, umbilics = found.lines, found.umbilics
     rings = [ring_around(umbilic, found.mark_radius) for umbilic in umbilics]
     parts = [*(line.points for line in lines), *rings]
-    number = np.repeat(np.arange(len(parts)), np.array([len(part) for part in parts], dtype=np.int64))
-    first = np.flatnonzero(number[1:] == number[:-1]).astype(np.int32)
+    points, edges, number = join_polylines(parts)
     none = [np.zeros(len(ring)) for ring in rings]
     columns = {
         CURVATURE_ALONG: np.concatenate([np.empty(0), *(line.normal_curvature for line in lines), *none]),
@@ -192,9 +192,9 @@ def lines_as_mesh(
         INDEX: np.array([0.0] * len(lines) + [umbilic.index for umbilic in umbilics])[number],
     }
     palette = [LINE_COLORS[line.kind] for line in lines] + [UMBILIC_COLORS[each.index > 0.0] for each in umbilics]
-    points, colors = np.vstack([np.empty((0, 3)), *parts]), np.array(palette).reshape(-1, 3)[number]
+    colors = np.array(palette).reshape(-1, 3)[number]
     quality = columns[TORSION_ALONG if found.family == "torsion" else CURVATURE_ALONG]
-    return points, np.stack([first, first + 1], axis=1), quality, colors, columns
+    return points, edges, quality, colors, columns
 
 
 def report_of(found: SurfaceLines, geometry: VertexGeometry, mesh: CurrentMesh) -> Report:

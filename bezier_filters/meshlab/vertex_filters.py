@@ -290,7 +290,7 @@ def apply_coord_bezier_patch_smoothing(
     -------
     dict
         ``moved`` (number of vertices), ``displacement`` (mean, rms and max, lengths), ``noise_before`` and
-        ``noise_after`` (standard deviation along the normal, lengths, or None; after, of ranges up to those before),
+        ``noise_after`` (standard deviation along the normal, lengths, or None; after, the error expected to be left),
         ``noise_length`` (over which that before is correlated, or 0), ``noise_heavy`` (whether it flips single
         normals), ``iterations`` (that moved vertices), ``remarks`` (texts),
         ``warnings`` (texts: why nothing could be smoothed), ``repaired`` (as in

@@ -1,12 +1,11 @@
 """Lines of a page: creases, and lines of curvature, torsion or given normal curvature, a layer for each kind."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
-
-import numpy as np
 
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.feature_lines.crease_lines import Creases, edge_mesh
+from bezier_filters.feature_lines.polylines import join_polylines
 from bezier_filters.pictures.line_panels import LINE_NAMES, UMBILIC_NAMES
 from bezier_filters.surface_lines.lines import FIELDS_OF, LINE_COLORS, UMBILIC_COLORS, SurfaceLines
 from bezier_filters.surface_lines.umbilics import ring_around
@@ -36,14 +35,9 @@ def line_layers(found: SurfaceLines) -> Iterator[LineLayer]:
     """Lines of each kind, and rings around the umbilics of each sign."""
     for kind in FIELDS_OF[found.family]:
         if lines := [line.points for line in found.lines if line.kind == kind]:
-            yield LineLayer(f"lines_{kind}", LINE_NAMES[kind], LINE_COLORS[kind], *_join(lines))
+            yield LineLayer(f"lines_{kind}", LINE_NAMES[kind], LINE_COLORS[kind], *join_polylines(lines)[:2])
     for sign, name in UMBILIC_NAMES.items():
         if rings := [ring_around(one, found.mark_radius) for one in found.umbilics if (one.index > 0.0) == sign]:
-            yield LineLayer(f"umbilics_{'plus' if sign else 'minus'}", name, UMBILIC_COLORS[sign], *_join(rings))
-
-
-def _join(polylines: Sequence[FloatArray]) -> tuple[FloatArray, IntArray]:
-    """Points and edges of polylines."""
-    number = np.repeat(np.arange(len(polylines)), [len(points) for points in polylines])
-    first = np.flatnonzero(number[1:] == number[:-1]).astype(np.int32)
-    return np.vstack(polylines), np.stack([first, first + 1], axis=1)
+            yield LineLayer(
+                f"umbilics_{'plus' if sign else 'minus'}", name, UMBILIC_COLORS[sign], *join_polylines(rings)[:2]
+            )

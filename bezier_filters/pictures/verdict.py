@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import TypeAlias
 
-from bezier_filters.display import MIN_NOISE_EDGES, shell_remark
+from bezier_filters.display import MIN_NOISE_EDGES, noise_stays, shell_remark
 from bezier_filters.holes.hole_filling import HoleFillingResult
 from bezier_filters.smoothing.smooth import SmoothingResult
 
@@ -51,7 +51,7 @@ def _noise(name: str, result: SmoothingResult) -> Sentence:
         return f"There is no noise: less than {MIN_NOISE_EDGES:g} edges cannot be told from the shape.", ""
     if not result.displacement.any():
         return f"Noise of {_length(before, edge)} stays: smoothing would take more shape than noise.", ""
-    if after is not None and f"{before / edge:.2g}" == f"{after / edge:.2g}":
+    if noise_stays(before, after):
         text = f"Noise of {_length(before, edge)}; nearly all of it stays, because it is like the shape."
         return text, ""
     left = "an unknown part" if after is None else f"about {_length(after, edge)}"

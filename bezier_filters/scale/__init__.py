@@ -1,7 +1,7 @@
 """Meshes that do not fit into memory: in tiles, on Dask (``pip install "bezier-filters[scale]"``).
 
 `estimate_file` gives the values of `bezier_filters.estimate_vertex_geometry` for files of any size, and
-`smooth_file` those of `bezier_filters.smooth`; `surface_at_file` asks their fitted surface.
+`smooth_file` those of `bezier_filters.smooth`; `surface_at_file` those of `bezier_filters.surface_at`.
 """
 
 from bezier_filters.scale.estimate import estimate_file

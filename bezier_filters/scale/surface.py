@@ -1,4 +1,4 @@
-"""Asks for places on the fitted surface of a mesh that does not fit into memory."""
+"""Finds the places nearest to points on the fitted surface of a mesh that does not fit into memory."""
 
 import hashlib
 import os
@@ -21,7 +21,7 @@ from bezier_filters.fitting.outlier_removal import rebase_displacements
 from bezier_filters.fitting.patch_geometry import PatchGeometry, empty_patch_geometry
 from bezier_filters.fitting.region_fits import fit_regions
 from bezier_filters.fitting.surface_fit import SurfaceFit
-from bezier_filters.meshes.half_edges import distinct_edges, mesh_edges
+from bezier_filters.meshes.half_edges import MeshEdges, distinct_edges, mesh_edges
 from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
 from bezier_filters.meshes.prepared_mesh import PreparedMesh, prepare_mesh
 from bezier_filters.meshes.sharp_edges import sharp_edges
@@ -78,7 +78,7 @@ def surface_at_file(
 
     The points and results are in memory, the mesh is not: it is sorted and cut into tiles as in `estimate_file`. A
     first round of tasks measures the tiles, a second one finds the tile with the face nearest to each point, a third
-    one fits the patches around the tiles that have points, and asks them.
+    one fits the patches around the tiles that have points, and finds the places.
 
     The results are those in memory, to rounding errors. At sharp edges they differ a little, because the patches next
     to them have the fit of the whole mesh, and sharp edges that noise hides are not found.
@@ -131,11 +131,11 @@ def surface_at_file(
         folder = Path(folder) / "store" if store is None else store
         how = RunOptions(scheduler, workers, tile_vertices, memory_limit, folder, resume, keep_store, progress)
         with store_run(opened, folder, how) as run:
-            return _ask(run, queries, options)
+            return _find_places(run, queries, options)
 
 
-def _ask(run: Run, queries: FloatArray, options: FitOptions) -> SurfacePoints:
-    """The three rounds."""
+def _find_places(run: Run, queries: FloatArray, options: FitOptions) -> SurfacePoints:
+    """Run the three rounds of tasks."""
     digest = hashlib.sha256(queries.tobytes()).hexdigest()
     results = run.results({"quantity": "surface", "points": digest, "options": asdict(options)})
     points = save_array(results / "points.bin", queries)
@@ -159,8 +159,8 @@ def _ask(run: Run, queries: FloatArray, options: FitOptions) -> SurfacePoints:
         ids = rows["point"][is_nearer]
         least[ids], owner[ids] = rows["squared"][is_nearer], number
     owners = save_array(results / "owners.bin", owner)
-    asked = run.tiles("surface", results / "surface", partial(ask_tile, common, owners))
-    return _join(len(queries), [tile.rows() for tile in asked.tiles])
+    placed = run.tiles("surface", results / "surface", partial(query_tile, common, owners))
+    return _join(len(queries), [tile.rows() for tile in placed.tiles])
 
 
 def _upper_bounds(queries: FloatArray, boxes: FloatArray) -> FloatArray:
@@ -189,7 +189,7 @@ def measure_tile(common: TiledFit, tile: int) -> tuple[Values, TileReport]:
         ids = np.arange(own.start, own.stop, dtype=np.int32)
         ends = distinct_edges(mesh.faces, mesh.vertex_count)[0]
         ends = ends[((ends >= own.start) & (ends < own.stop)).all(axis=1)]
-        sharp = _sharp_edges(mesh, common)
+        sharp = _sharp_edges(mesh, mesh_edges(mesh), common)
         is_own = ((sharp >= own.start) & (sharp < own.stop)).all(axis=1)
         residuals = float(is_own.sum()), *residual_products(_fit_patches(mesh, common, ids), ends)
     sums = {"box": box.ravel().tolist(), "residuals": list(residuals)}
@@ -208,7 +208,7 @@ def nearest_of_tile(common: TiledFit, bounds: ArrayFile, boxes: FloatArray, tile
     return rows, TileReport(tile, len(part.ids), {})
 
 
-def ask_tile(common: TiledFit, owners: ArrayFile, tile: int) -> tuple[Values, TileReport]:
+def query_tile(common: TiledFit, owners: ArrayFile, tile: int) -> tuple[Values, TileReport]:
     """Rows of results for the points nearest to a tile, with their numbers."""
     ids = np.flatnonzero(owners.read(0, owners.rows) == tile).astype(np.int32)
     points, results, read, rings = common.points.take(ids), list[Values](), 0, PATCH_RINGS
@@ -236,9 +236,8 @@ def _rings_around(mesh: PreparedMesh, part: TilePart, rings: int) -> IntArray:
     return np.flatnonzero(inside).astype(np.int32)
 
 
-def _sharp_edges(mesh: PreparedMesh, common: TiledFit) -> IntArray:
+def _sharp_edges(mesh: PreparedMesh, edges: MeshEdges, common: TiledFit) -> IntArray:
     """Sharp edges (e, 2) of a part of a mesh, none where noise makes angles that look like them."""
-    edges = mesh_edges(mesh)
     return edges.vertices[:0] if common.is_noisy else edges.vertices[sharp_edges(mesh, edges, mesh.adjacency)]
 
 
@@ -246,9 +245,8 @@ def _part_surface(mesh: PreparedMesh, common: TiledFit, fitted: IntArray) -> Sur
     """Surface of a part of a mesh with patches at some vertices, cut as by `fit_surface`."""
     edges = mesh_edges(mesh)
     uses = np.bincount(edges.of_faces[edges.of_faces >= 0], minlength=len(edges.vertices))
-    cut = cut_mesh(mesh.vertices, mesh.faces, np.vstack([_sharp_edges(mesh, common), edges.vertices[uses > 2]]))
-    is_fitted = np.isin(cut.origin, fitted)
-    ids = np.flatnonzero(is_fitted).astype(np.int32)
+    cut = cut_mesh(mesh.vertices, mesh.faces, np.vstack([_sharp_edges(mesh, edges, common), edges.vertices[uses > 2]]))
+    ids = np.flatnonzero(np.isin(cut.origin, fitted)).astype(np.int32)
     geometry = _fit_patches(triangle_mesh(cut.vertices, cut.faces), common, ids)
     return Surface(TriangleMesh(mesh.vertices, mesh.faces), cut, geometry)
 

@@ -13,6 +13,7 @@ from command_line import run
 from bezier_filters import load_mesh, mesh_arrays, read_fields, save_mesh
 from bezier_filters.cli import console
 from bezier_filters.cli.commands import app as console_app
+from bezier_filters.cli.outcomes import describe_outcome
 from bezier_filters.surfaces import sphere
 
 SAMPLES = Path(__file__).parents[2] / "sample_meshes"
@@ -229,3 +230,19 @@ def test_commands_that_refuse_point_clouds_ask_for_faces(command):
     text = " ".join(run(command, "--help").stdout.split())
     assert "Mesh with faces to read" in text
     assert "point cloud to read" not in text
+
+
+def test_the_page_of_a_cleaning_in_place_shows_the_mesh_before(tmp_path):
+    holed_ball(tmp_path / "ball.ply")
+    result = run("clean", tmp_path / "ball.ply", tmp_path / "ball.ply", "--overwrite", "--report", tmp_path / "p.html")
+    assert result.returncode == 0
+    assert (
+        "holes are filled" in (tmp_path / "p.html").read_text() or "hole is filled" in (tmp_path / "p.html").read_text()
+    )
+
+
+def test_unknown_noise_does_not_stay():
+    known = {"noise_before": None, "noise_after": None, "mean_edge": 1.0, "moved": 5}
+    assert describe_outcome(known) == "noise unknown before, unknown after"
+    assert "stays" in describe_outcome(known | {"noise_before": 0.1, "noise_after": 0.1})
+    assert describe_outcome({"fill": {}, "smooth": known}) == "noise unknown before, unknown after"

@@ -89,6 +89,15 @@ def test_points_without_a_face_with_area_have_no_place(tmp_path: Path) -> None:
     assert found.outcome.tolist() == wanted.outcome.tolist()
 
 
+def test_tiles_without_faces_are_passed_over(tmp_path: Path) -> None:
+    alone = np.random.default_rng(9).uniform(5.0, 6.0, (700, 3))
+    points = queries_near(STAR.vertices, 0.1)
+    files = save(tmp_path, np.vstack([STAR.vertices, alone]), STAR.faces)
+    found = surface_at_file(files, points, tile_vertices=256, scheduler="synchronous")
+    wanted = bf.fit_surface(STAR.vertices, STAR.faces).query(points)
+    assert np.abs(found.points - wanted.points).max() < 1e-6
+
+
 def test_no_points_give_no_places(tmp_path: Path) -> None:
     found = surface_at_file(save(tmp_path, STAR.vertices, STAR.faces), [], tile_vertices=512, scheduler="synchronous")
     assert found.points.shape == (0, 3)
