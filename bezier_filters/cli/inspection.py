@@ -27,6 +27,7 @@ from bezier_filters.cli.app import (
     pipe_callback,
 )
 from bezier_filters.cli.option_checks import check_options, check_picture_options
+from bezier_filters.cli.pages import check_page, write_deviation_page
 from bezier_filters.fields import DEVIATION, MEASURES, qualities
 from bezier_filters.parameters import PARAMETERS
 from bezier_filters.runtime.file_names import printable_name, printable_path, user_path
@@ -50,7 +51,7 @@ Output = Annotated[
 @app.command(
     epilog=examples(
         "compare scan.ply model.ply -o deviation.ply --tolerance 0.05 --reference-noise 0",
-        "compare scan.ply earlier.ply -o deviation.ply --picture deviation.png",
+        "compare scan.ply earlier.ply -o deviation.ply --picture deviation.png --report deviation.html",
         "compare points.ply model.ply --json",
     )
 )
@@ -70,6 +71,9 @@ def compare(
     ] = None,
     up: Up = "auto",
     front: Front = "auto",
+    page: Annotated[
+        Path | None, typer.Option("--report", help="Page with the mesh and its deviations.", metavar="PAGE.html")
+    ] = None,
     skip: Skip = False,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
@@ -88,7 +92,9 @@ def compare(
     from bezier_filters.pictures.render import check_picture
 
     files = [source, reference]
-    for path in filter(None, (target, picture)):
+    if page is not None:
+        check_page(page)
+    for path in filter(None, (target, picture, page)):
         check_target(path, *files, overwrite=overwrite)
     if target is not None:
         format_of(target)
@@ -114,26 +120,30 @@ def compare(
             from bezier_filters.pictures.views import file_up
 
             stage(f"drawing {printable_name(picture)}")
-            panel = replace(deviation_panel(ms, report), file_up=file_up(source))
+            title = f"{printable_name(source)}, compared with {printable_name(reference)}"
+            panel = replace(deviation_panel(ms, report, title), file_up=file_up(source))
             bf.render_panels(picture, [panel], views=view or ["front", "back"], up=up, front=front)
+        if page is not None:
+            stage(f"writing {printable_name(page)}")
+            write_deviation_page(source, page, ms, report, printable_name(reference), up=up, front=front)
     if json:
-        paths = {"input": source, "reference": reference, "output": target, "picture": picture}
+        paths = {"input": source, "reference": reference, "output": target, "picture": picture, "page": page}
         console.print_json({name: path and user_path(path) for name, path in paths.items()} | report)
     elif not quiet:
-        _print(report, source, target, picture)
+        _print(report, source, target, picture, page)
     for remark in remarks:
         console.err().print(f"note: {printable_name(target or source)} is {remark}", markup=False)
     end_with_remarks(printable_path(target or source), report)
 
 
-def _print(report: "Report", source: Path, target: Path | None, picture: Path | None) -> None:
+def _print(report: "Report", source: Path, target: Path | None, *pictures: Path | None) -> None:
     console.print_deviation(report, printable_path(source))
     if report["statistics"]:
         console.print_statistics(report, qualities(DEVIATION)[report["quality"]].label)
     if target is not None:
         console.print_written(report, printable_path(target))
-    if picture is not None:
-        console.out().print(f"wrote [bold]{console.escape(printable_path(picture))}[/]")
+    for path in filter(None, pictures):
+        console.out().print(f"wrote [bold]{console.escape(printable_path(path))}[/]")
     console.print_outcome(report)
 
 

@@ -52,7 +52,9 @@ def describe_outcome(report: "Report") -> str:
     if "replaced_patches" in report:
         return f"{report['replaced_patches']:,} patches replaced, {report['kept_patches']:,} left as they were"
     if "compared" in report:
-        return f"deviation: rms {report['rms']:.4g}, {len(report['regions']):,} regions" if report["compared"] else ""
+        count = len(report["regions"])
+        regions = "no region deviates" if not count else f"{count:,} region{' deviates' if count == 1 else 's deviate'}"
+        return f"deviation: rms {report['rms']:.4g}, {regions}" if report["compared"] else ""
     if "texmap" in report:
         return f"{report['texmap']} map, {report['covered']:.0%} of {report['size']:,} x {report['size']:,} texels"
     if "noise_before" in report:

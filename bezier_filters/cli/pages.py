@@ -14,7 +14,7 @@ from bezier_filters.runtime.file_names import printable_name, printable_path
 if TYPE_CHECKING:
     from bezier_filters.arrays import Report
     from bezier_filters.meshes.prepared_mesh import PreparedMesh
-    from bezier_filters.meshlab.meshset import CurrentMesh
+    from bezier_filters.meshlab.meshset import CurrentMesh, MeshSet
     from bezier_filters.pictures.page import Page
     from bezier_filters.surface_lines.lines import SurfaceLines
 
@@ -74,6 +74,31 @@ def write_line_page(
         mesh.vertices,
         mesh.faces,
         lines=found,
+        about=file_facts(source),
+        oriented=Orientation(up, front, file_up(source)),
+    ).save(page)
+
+
+def write_deviation_page(
+    source: Path, page: Path, ms: "MeshSet", report: "Report", reference: str, *, up: str, front: str
+) -> None:
+    """Write the page of the deviation that the filter computed for the current mesh."""
+    from bezier_filters.fields import DEVIATION, fields_of
+    from bezier_filters.meshlab.mesh_attributes import read_columns
+    from bezier_filters.meshlab.meshset import read_current_mesh
+    from bezier_filters.pictures.page import page_of
+    from bezier_filters.pictures.page_deviation import DeviationFields, deviation_sentences, deviation_tables
+    from bezier_filters.pictures.views import Orientation, file_up
+
+    mesh = read_current_mesh(ms)
+    columns = read_columns(ms, [field.column for field in fields_of(DEVIATION)])
+    page_of(
+        f"{printable_name(source)}, compared with {reference}",
+        mesh.vertices,
+        mesh.faces,
+        deviation=DeviationFields(columns, report["tolerance"]),
+        sentences=deviation_sentences(report, reference),
+        tables=deviation_tables(report),
         about=file_facts(source),
         oriented=Orientation(up, front, file_up(source)),
     ).save(page)

@@ -84,8 +84,11 @@ function key(list, entries) {
   entries.forEach(([text, color]) => { const line = element("li", "", list); element("span", "", line).style.background = color; line.append(text); });
 }
 const css = color => `rgb(${color.map(it => Math.round(255 * it))})`;
-const legend_of = field => Object.entries(field.names).filter(([, name]) => name.count).reverse()
-  .map(([code, name]) => [`${name.text}: ${name.count.toLocaleString("en")}`, `rgb(${CODES[code]})`]);
+function legend_of(field) {
+  if (!field || !field.names) return field && field.unknown ? [[field.unknown, css(GREY)]] : [];
+  return Object.entries(field.names).filter(([, name]) => name.count).reverse()
+    .map(([code, name]) => [`${name.text}: ${name.count.toLocaleString("en")}`, `rgb(${CODES[code]})`]);
+}
 function comparison_key() {
   const other = meshes[state.compare], entries = [["outside", css(GREY)]];
   if (data.open) entries.push(["inside: backs of faces", css(BACK)]);
@@ -99,7 +102,7 @@ function show() {
   $("split").hidden = !compared || state.beside;
   $("layouts").hidden = $("before").hidden = $("after").hidden = !compared;
   const creases = state.creases ? data.lines.map(line => [line.name, css(line.color)]) : [];
-  key($("names"), compared ? comparison_key() : [...(field && field.names ? legend_of(field) : []), ...creases]);
+  key($("names"), compared ? comparison_key() : [...legend_of(field), ...creases]);
   $("note").textContent = [compared ? data.comparisons.find(([other]) => other === state.compare)[2] : field ? field.remark : "", ...data.notes].filter(Boolean).join(" ");
   const what = compared ? `the mesh before and after ${data.comparisons.find(([other]) => other === state.compare)[1]}` : field ? field.label : "the mesh";
   canvas.setAttribute("aria-label", `${data.title || "Mesh"}: ${what}. Use arrow keys to turn.`);
@@ -117,7 +120,7 @@ function show() {
 function round_ticks() {
   const [low, high] = state.limits, [from, to] = state.limits.map(place), chosen = [];
   if (!state.log) {
-    const steps = 4, all = Array.from({length: steps + 1}, (_, k) => low + k * (high - low) / steps);
+    const steps = data.fields[state.field].colors ? 6 : 4, all = Array.from({length: steps + 1}, (_, k) => low + k * (high - low) / steps);
     return all.map(it => Math.abs(it) < 1e-9 * (high - low) ? 0 : it);
   }
   const largest = Math.floor(Math.log10(Math.max(Math.abs(low), Math.abs(high)))), sizes = [];
@@ -133,7 +136,7 @@ function legend(box, size, ink) {
   box.width = (size ? size[0] : box.clientWidth) * ratio; box.height = (size ? size[1] : box.clientHeight) * ratio;
   const style = getComputedStyle(document.documentElement), color = ink || style.getPropertyValue("--ink");
   const pen = box.getContext("2d"), edge = 26 * ratio, wide = box.width - 2 * edge, tall = box.height, bins = 80, counts = new Array(bins).fill(0);
-  const [low, high] = state.limits.map(place), nodes = field.signed ? COOL_WARM : VIRIDIS;
+  const [low, high] = state.limits.map(place), nodes = colors_of(field);
   for (const found of shades[state.field]) { const k = Math.floor(bins * (place(found) - low) / (high - low)); if (k >= 0 && k < bins) counts[k]++; }
   const most = Math.max(1, ...counts);
   pen.clearRect(0, 0, box.width, tall);
@@ -235,8 +238,8 @@ const stem = (data.title || "mesh").replace(/\.[^.]*$/, "").replace(/[^\w.-]+/g,
 // The picture with its title and legend, on paper of any colour.
 function sheet(target, wide, tall, ratio = 2, size_to_paper = true) {
   const kept = [canvas.width, canvas.height], field = state.compare ? null : data.fields[state.field];
-  const entries = state.compare ? comparison_key() : field && field.names ? legend_of(field) : [];
-  const below = field && !field.names ? 80 : 14 + 18 * entries.length, top = 26, pen = target.getContext("2d");
+  const entries = state.compare ? comparison_key() : legend_of(field), bar_height = field && !field.names ? 76 : 10;
+  const below = bar_height + 4 + 18 * entries.length, top = 26, pen = target.getContext("2d");
   target.width = wide * ratio; target.height = (tall + top + below) * ratio;
   pen.scale(ratio, ratio); pen.fillStyle = "#fff"; pen.fillRect(0, 0, wide, tall + top + below);
   const camera = {zoom: state.zoom, pan: state.pan, fitted: state.fitted};
@@ -253,7 +256,7 @@ function sheet(target, wide, tall, ratio = 2, size_to_paper = true) {
     legend(bar, [wide, 72], "#000"); pen.drawImage(bar, 0, tall + top + 4, wide, 72);
   }
   entries.forEach(([name, color], k) => {
-    const y = tall + top + 8 + 18 * k;
+    const y = tall + top + bar_height - 2 + 18 * k;
     pen.fillStyle = color; pen.fillRect(4, y, 14, 11); pen.strokeRect(4, y, 14, 11); pen.fillStyle = "#000"; pen.fillText(name, 26, y + 10);
   });
 }

@@ -27,6 +27,7 @@ from bezier_filters.meshes.mesh import TriangleMesh, surface_or_points, takes_me
 from bezier_filters.meshes.mesh_objects import MeshLike
 from bezier_filters.meshlab.hole_filter import fill_warnings
 from bezier_filters.meshlab.meshset import CurrentMesh
+from bezier_filters.pictures.page_deviation import DeviationFields, deviation_fields
 from bezier_filters.pictures.page_fields import (
     NOISE,
     PAGE_FIELDS,
@@ -195,7 +196,7 @@ def show(
         raise InvalidParameterError("vertices: got none, expected one or more")
     names = {VertexGeometry: "geometry", Creases: "creases", SmoothingResult: "smoothed", HoleFillingResult: "filled"}
     names |= {Deviation: "deviation", SurfaceLines: "lines"}
-    found: dict[str, Result] = {}
+    found: dict[str, Result | DeviationFields] = {}
     for result in results:
         got, name = type(result).__name__, names.get(type(result), "")
         if not name or name in found:
@@ -204,7 +205,7 @@ def show(
         if not _fits(result, mesh):
             count = mesh.vertex_count
             raise InvalidParameterError(f"results: a {got} belongs to another mesh than these {count} vertices")
-        found[name] = result
+        found[name] = deviation_fields(result) if isinstance(result, Deviation) else result
     check_axes(up, front)
     oriented = Orientation(up, front)
     return page_of(title, mesh.vertices, mesh.faces, **found, oriented=oriented, most_faces=most_faces)  # type: ignore[arg-type]
@@ -233,13 +234,14 @@ def page_of(
     creases: Creases | None = None,
     smoothed: SmoothingResult | None = None,
     filled: HoleFillingResult | None = None,
-    deviation: Deviation | None = None,
+    deviation: DeviationFields | None = None,
     lines: SurfaceLines | None = None,
     *,
     facts: Sequence[tuple[str, str]] = (),
     findings: Sequence[str] = (),
     sentences: Sequence[Sentence] = (),
     about: Sequence[str] = (),
+    tables: Sequence[Report] = (),
     oriented: Orientation = DEFAULT_ORIENTATION,
     most_faces: int = MAX_PAGE_FACES,
 ) -> Page:
@@ -257,7 +259,7 @@ def page_of(
         values |= values_of([field for field in PAGE_FIELDS if set(ESTIMATES) & set(field.filters)], geometry)
         known = np.asarray(geometry.status <= FitStatus.FOLDED)
     if deviation is not None:
-        values |= columns(DEVIATION, deviation)
+        values |= deviation.values
         known &= deviation.compared
     drawn = [*(() if creases is None else crease_layers(creases)), *(() if lines is None else line_layers(lines))]
     meshes |= {layer.key: frame.pack(layer.points, layer.edges, lines=True) for layer in drawn}
@@ -277,7 +279,7 @@ def page_of(
         start = "smoothed" if smoothed.displacement.any() else start
     fields = [field for field in PAGE_FIELDS if field.column in values]
     shades = {field.column: shades_of(field, values[field.column], faces) for field in fields}
-    tables = [{"title": "The mesh", "header": ["quantity", "value"], "rows": facts}] if facts else []
+    tables = [*tables, *([{"title": "The mesh", "header": ["quantity", "value"], "rows": facts}] if facts else [])]
     tables += [field_table(fields, values, known)] if fields else []
     tables += [_hole_table(filled)] if filled is not None and filled.holes else []
     data = {
@@ -287,7 +289,12 @@ def page_of(
         "notes": notes,
         "tables": tables,
         "findings": findings,
-        "fields": [field_record(field, values, rows, known, shades[field.column]) for field in fields],
+        "fields": [
+            field_record(
+                field, values, rows, known, shades[field.column], deviation if DEVIATION in field.filters else None
+            )
+            for field in fields
+        ],
         "groups": group_members(fields),
         "meshes": meshes,
         "whole": len(points) == len(vertices),

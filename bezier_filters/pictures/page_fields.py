@@ -5,8 +5,9 @@ from base64 import b64encode
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray, Report
-from bezier_filters.display import color_range, round_limits
+from bezier_filters.display import PALETTES, TOLERANCE, color_range, palette_places, round_limits
 from bezier_filters.fields import FIELDS, GRADE, SMOOTH, Field
+from bezier_filters.pictures.page_deviation import NOT_COMPARED, DeviationFields
 from bezier_filters.status import FitStatus
 
 # names of fields with what each is for, by groups, in the order in which they can be chosen
@@ -23,7 +24,7 @@ GROUPS = {
     "Deviation": {
         "deviation": "Shows how far the surface is from the reference: positive where there is too much.",
         "regional_deviation": "Finds shallow defects: means over a region around each vertex.",
-        "deviation_z": "Tells deviations from noise: those beyond three are not noise. 0 where nothing is compared.",
+        "deviation_z": "Tells deviations from noise: those beyond three are not noise.",
     },
     "Noise and smoothing": {
         "noise": "Shows what smoothing removes, outwards: it should look random; a pattern would be shape.",
@@ -43,6 +44,7 @@ _ORDER = [name for group in GROUPS.values() for name in group]
 _PURPOSES = {name: purpose for group in GROUPS.values() for name, purpose in group.items()}
 _CHOSEN = [field for field in (*FIELDS, NOISE) if field.name in _ORDER]
 PAGE_FIELDS = sorted(_CHOSEN, key=lambda field: _ORDER.index(field.name))
+_PALETTE_COLORS = 256  # as many as the texture of the page has
 _SMOOTHED = "Colours are means over some 5 edges: single vertices differ by their rings. The pointer reads values."
 
 
@@ -52,11 +54,17 @@ def encode_array(array: FloatArray | IntArray, kind: str) -> str:
 
 
 def field_record(
-    field: Field, columns: dict[str, FloatArray], rows: IntArray, known: BoolArray, shades: FloatArray | None
+    field: Field,
+    columns: dict[str, FloatArray],
+    rows: IntArray,
+    known: BoolArray,
+    shades: FloatArray | None,
+    deviation: DeviationFields | None = None,
 ) -> Report:
     """A field for the page; codes have names, other fields colour limits and, if available, standard errors.
 
-    Values (n,) of the vertices are shown at `rows`; limits are those of known ones. Shades (n,) are coloured instead.
+    Values (n,) of the vertices are shown at `rows`; limits are those of known ones. Shades (n,) are coloured instead. A
+    field of a deviation is grey where nothing is compared.
     """
     values, errors = columns[field.column], columns.get(f"{field.column}_std")
     record = {
@@ -77,13 +85,30 @@ def field_record(
     low, high = color_range(inside, signed=field.signed)
     if shades is not None:
         low = 0.0
+    if deviation is not None:
+        record |= _deviation_record(field, values[rows], deviation, deviation.compared[rows])
+        if "colors" in record:
+            low, high = deviation.limits or (low, high)
     return record | {
         "errors": None if errors is None else encode_array(errors[rows], "<f4"),
         "shades": None if shades is None else encode_array(shades[rows], "<f4"),
-        "limits": round_limits(low, high) if high > low else (low, high),
+        "limits": round_limits(low, high) if high > low and "colors" not in record else (low, high),
         "range": round_limits(*color_range(inside, signed=field.signed, percentile=0.0)),
         "median": float(np.median(np.abs(inside))),
     }
+
+
+def _deviation_record(field: Field, values: FloatArray, deviation: DeviationFields, compared: BoolArray) -> Report:
+    """What the record of a deviation has besides: no values where nothing is compared, and colours of inspection."""
+    record: Report = {"values": encode_array(np.where(compared, values, np.nan), "<f4")}
+    if not compared.all():
+        record["unknown"] = f"{NOT_COMPARED}: {np.count_nonzero(~compared):,}"
+    if deviation.limits is not None and field.unit == "length":
+        places, colors = palette_places(TOLERANCE), np.array(PALETTES[TOLERANCE])
+        shares = np.linspace(0.0, 1.0, _PALETTE_COLORS)
+        channels = [np.interp(shares, places, channel) for channel in colors.T]
+        record["colors"] = np.rint(255.0 * np.column_stack(channels)).astype(int).tolist()
+    return record
 
 
 def group_members(fields: list[Field]) -> list[tuple[str, list[int]]]:

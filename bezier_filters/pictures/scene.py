@@ -28,7 +28,7 @@ Color: TypeAlias = tuple[float, float, float]  # red, green and blue in 0..1
 MARGIN_PIXELS = 4  # pixels around the mesh
 
 _SUPERSAMPLING = 2  # rendered larger and averaged: smooth edges on every graphics driver
-_NAN_COLOR = "lightgray"
+NAN_COLOR = (0.83, 0.83, 0.83)  # of values that are not known
 _SHARP = 60.0  # degrees between faces from which on the edge between them is seen
 _AMBIENT = 0.45  # share of the colour that no shadow takes
 _LINES_PER_DIAGONAL = 400.0  # their radii in a row are as long as the diagonal of the bounding box
@@ -247,7 +247,7 @@ def add_panel(plotter: "pyvista.Plotter", panel: Panel, center: FloatArray, scal
         # Values are interpolated within triangles and then coloured, which keeps to the colour map.
         colormap = matplotlib_colormap(panel.colormap, signed=panel.signed)
         options |= {"clim": panel.color_limits(), "cmap": colormap, "interpolate_before_map": True}
-        options |= {"nan_color": _NAN_COLOR}
+        options |= {"nan_color": NAN_COLOR}
         if panel.linear_below and panel.values is not None:
             options["clim"], colored = (0.0, 1.0), np.ma.filled(panel.norm()(panel.values), np.nan)
     if len(panel.faces) == 0:

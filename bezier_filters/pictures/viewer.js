@@ -14,17 +14,17 @@ if (!gl) {
 const VERTEX = `#version 300 es
   in vec3 position, normal; in float value, exact, error;
   uniform mat3 turn; uniform vec2 zoom, pan; uniform float nearer, size, linear_below;
-  out vec3 seen, towards, place; out float found, read, spread; flat out float code;
+  out vec3 seen, towards, place; out float found, read, spread, unknown; flat out float code;
   void main() {
     seen = turn * position; towards = turn * normal; place = position;
-    read = exact; spread = error; code = exact;
+    read = exact; spread = error; code = exact; unknown = value > 1e29 ? 1.0 : 0.0;
     found = linear_below > 0.0 ? sign(value) * log(1.0 + abs(value) / linear_below) : value;
     gl_PointSize = size;
     gl_Position = vec4(seen.xy * zoom + pan, -0.45 * seen.z - nearer, 1.0);
   }`;
 const FRAGMENT = `#version 300 es
   precision highp float;
-  in vec3 seen, towards; in float found; flat in float code; out vec4 color;
+  in vec3 seen, towards; in float found, unknown; flat in float code; out vec4 color;
   uniform sampler2D palette; uniform vec2 limits; uniform vec3 plain, back; uniform bool mapped, codes, flat_, lit;
   void main() {
     vec3 n = flat_ ? cross(dFdx(seen), dFdy(seen)) : towards;
@@ -32,7 +32,7 @@ const FRAGMENT = `#version 300 es
     if (n.z < 0.0) n = -n;
     float share = clamp((found - limits.x) / (limits.y - limits.x), 0.0, 1.0);
     float t = codes ? (round(code) + 0.5) / 256.0 : share * (255.0 / 256.0) + 0.5 / 256.0;
-    vec3 base = mapped ? texture(palette, vec2(t, 0.5)).rgb : lit && !gl_FrontFacing ? back : plain;
+    vec3 base = mapped && unknown == 0.0 ? texture(palette, vec2(t, 0.5)).rgb : lit && !gl_FrontFacing ? back : plain;
     float light = 0.45 + 0.55 * (0.55 * n.z + 0.66 * max(0.0, dot(n, normalize(vec3(-0.6, 0.9, 1.0)))));
     color = vec4(lit ? base * light : base, 1);
   }`;
@@ -106,8 +106,9 @@ const VIRIDIS = [[68, 1, 84], [72, 40, 120], [62, 74, 137], [49, 104, 142], [38,
 const CODES = [[188, 189, 34], [23, 190, 207], [127, 127, 127], [227, 119, 194], [140, 86, 75], [148, 103, 189],
   [214, 39, 40], [44, 160, 44], [255, 127, 14], [217, 217, 217]];
 const GREY = [0.75, 0.75, 0.75], BACK = [0.69, 0.54, 0.42], NEW = [1, 0.6, 0.2];
+const TABLE = 256;  // colours of a palette with steps
 const blend = (nodes, t) => {
-  const x = t * (nodes.length - 1), k = Math.min(Math.floor(x), nodes.length - 2);
+  const x = nodes.length === TABLE ? Math.round(t * (TABLE - 1)) : t * (nodes.length - 1), k = Math.min(Math.floor(x), nodes.length - 2);
   return nodes[k].map((low, i) => Math.round(low + (x - k) * (nodes[k + 1][i] - low)));
 };
 // Places on the scale: the value itself, or its logarithm both ways from zero, linear up to the median size.
@@ -118,13 +119,15 @@ const place = value => {
 };
 const value_at = it => { const at = linear_below(); return at ? Math.sign(it) * Math.expm1(Math.abs(it)) * at : it; };
 
-// Send the values of a field, and its colours.
+// Send the values of a field, and its colours. Graphics drivers may not know NaN.
+const UNKNOWN = 1e30;
+const colors_of = field => field.colors || (field.signed ? COOL_WARM : VIRIDIS);
 function upload(index) {
   const field = data.fields[index], scan = meshes.scan;
-  scan.value = buffer(gl.ARRAY_BUFFER, shades[index]);
-  scan.exact = shades[index] === sources[index] ? scan.value : buffer(gl.ARRAY_BUFFER, sources[index]);
+  scan.value = buffer(gl.ARRAY_BUFFER, shades[index].map(it => isNaN(it) ? UNKNOWN : it));
+  scan.exact = buffer(gl.ARRAY_BUFFER, sources[index]);
   scan.error = errors[index] ? buffer(gl.ARRAY_BUFFER, errors[index]) : null;
-  const entries = new Uint8Array(4 * 256), nodes = field.signed ? COOL_WARM : VIRIDIS;
+  const entries = new Uint8Array(4 * 256), nodes = colors_of(field);
   for (let k = 0; k < 256; k++) {
     entries.set([...(field.names ? CODES[Math.min(k, CODES.length - 1)] : blend(nodes, k / 255)), 255], 4 * k);
   }
