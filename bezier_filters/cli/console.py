@@ -348,9 +348,12 @@ def print_measures(report: Report, source: str) -> None:
         out().print(table)
         if part["euler_characteristic"] is not None:
             out().print(
-                f"  Euler characteristic {part['euler_characteristic']}, turning of the border {part['turning']:.4g}; "
-                f"Gauss-Bonnet holds to {part['gauss_bonnet_error']:.2g}"
+                f"  Gauss-Bonnet: {part['values']['total_gaussian_curvature']:.4g} (total gaussian curvature) + "
+                f"{part['turning']:.4g} (turning of the border) should be 2 pi x {part['euler_characteristic']} (Euler "
+                f"characteristic, cut along sharp edges): error {part['gauss_bonnet_error']:.2g}"
             )
+    if report["whole"]["bias"]:
+        out().print("  bias: mean error by the noise, which can be subtracted from the value")
 
 
 def print_statistics(report: Report, label: str) -> None:

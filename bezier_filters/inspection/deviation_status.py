@@ -15,8 +15,8 @@ class DeviationStatus(MessageEnum):
     (8, 0)
     """
 
-    OK = 0, "patch against patch, or measured point against patch as asked"
-    POINT = 1, "the measured point, where its mesh has no patch"
+    OK = 0, "compared as asked"
+    POINT = 1, "by the vertex itself, where its mesh has no patch"
     ON_FACE = 2, "against a face of the reference, which has no patch there"
     PAST_BORDER = 3, "past the border of the reference, which is the nearest place"
     OPPOSITE = 4, "the nearest place of the reference faces the other way, as the other side of a wall does"

@@ -1,6 +1,6 @@
 """Area, volume, total curvatures and bending energies of the surface of a mesh, with standard errors."""
 
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any, cast
 
 import numpy as np
@@ -152,7 +152,8 @@ def measure(
     learned strength and range is added to the fitted positions along the normals, and everything is fitted and measured
     again, with the sharp edges as found. So they include how integrals depend on the noise and on what is learned, for
     all correlations of fitted values. They assume normally distributed noise of equal strength, and do not include
-    details that the mesh does not resolve.
+    details that the mesh does not resolve. That of the total Gaussian curvature includes these, too: the theorem of
+    Gauss and Bonnet tells its error, which is added in quadrature.
 
     Parameters
     ----------
@@ -235,6 +236,8 @@ def measure(
             border = characteristic, turning, float(values[row, 3] + turning - 2.0 * np.pi * characteristic)
             is_closed = _is_closed(mesh.faces[inside])
         std, mean_error = (None if one is None else _integrals(one[row], is_closed) for one in (spread, bias))
+        if std is not None and border[2] is not None:
+            std = replace(std, total_gaussian_curvature=float(np.hypot(std.total_gaussian_curvature, border[2])))
         return PartMeasures(label, _integrals(values[row], is_closed), std, mean_error, *border)
 
     return SurfaceMeasures(

@@ -23,11 +23,13 @@ function list_verdict(list) {
   });
 }
 list_verdict($("verdict"));
-function table(parent, {title, header, rows}, most = Infinity) {
-  const made = element("table", "", parent), head = element("tr", "", element("thead", "", made)), body = element("tbody", "", made);
+function table(parent, {title, header, rows, places}, most = Infinity) {
+  const made = element("table", "", parent), head = element("tr", "", element("thead", "", made)), body = element("tbody", "", made), shows = places && most === Infinity;
+  if (shows) element("th", "place", head, {scope: "col"});
   header.forEach((text, k) => element("th", text, head, {scope: "col", className: k && rows.every(row => typeof row[k] === "number" || row[k] === "") ? "number" : ""}));
-  rows.slice(0, most).forEach(row => {
+  rows.slice(0, most).forEach((row, n) => {
     const line = element("tr", "", body);
+    if (shows) element("button", "Show", element("td", "", line), {type: "button", onclick: () => visit(places[n])});
     row.forEach((cell, k) => typeof cell === "number"
       ? element("td", Number.isInteger(cell) ? cell.toLocaleString("en") : written(Number(cell.toPrecision(4)).toString()), line, {className: "number"})
       : element(k ? "td" : "th", cell, line, k ? {} : {scope: "row"}));
@@ -169,6 +171,18 @@ function reading(found) {
 function put_pin() {
   $("pin").hidden = !state.pin;
   if (state.pin && !state.beside) { const [x, y] = projected(state.pin); $("pin").style.transform = `translate(${x}px, ${y}px)`; } else $("pin").hidden = true;
+}
+// Turn a place, in coordinates of the file, to the viewer, near and with a pin.
+const CLOSER = 4;
+function visit(place) {
+  const point = place.map((x, k) => (x - data.center[k]) / data.radius), {scan} = meshes, at = 3 * nearest_vertex(point);
+  if (state.beside) { state.beside = false; compare(state.compare); }
+  reset(); faced(scan.arrows.slice(at, at + 3)); fit();
+  state.zoom *= CLOSER; state.fitted = false; state.pan = [0, 0];
+  const [x, y] = projected(point);
+  state.pan = relative(x, y).map(it => -it);
+  state.pin = point;
+  $("picture").scrollIntoView({block: "nearest"}); put_pin(); draw();
 }
 function read_at(x, y) {
   const found = pick(x, y);

@@ -31,6 +31,7 @@ from bezier_filters.pictures.page_deviation import DeviationFields, deviation_fi
 from bezier_filters.pictures.page_fields import (
     NOISE,
     PAGE_FIELDS,
+    encode_array,
     field_record,
     field_table,
     group_members,
@@ -249,7 +250,8 @@ def page_of(
     title = escape_unprintable(title)
     frame = frame_of(vertices)
     points, triangles, rows = decimate(vertices, faces, most_faces)
-    meshes, comparisons, notes = {"scan": frame.pack(points, triangles)}, [], []
+    known_normals = {} if len(faces) or geometry is None else {"normals": encode_array(geometry.normals[rows], "<f4")}
+    meshes, comparisons, notes = {"scan": frame.pack(points, triangles, **known_normals)}, [], []
     if len(points) < len(vertices):
         what, kept, of = ("faces", triangles, faces) if len(faces) else ("points", points, vertices)
         notes.append(f"Drawn with {len(kept):,} of {len(of):,} {what}; values are those of the nearest vertices.")
@@ -273,9 +275,10 @@ def page_of(
         values |= columns(SMOOTH, smoothed)
         if geometry is not None:
             values[NOISE.column] = np.einsum("ij,ij->i", vertices - smoothed.vertices, geometry.normals)
-        meshes["smoothed"] = frame.pack(points + (smoothed.vertices - vertices)[rows], triangles)
+        meshes["smoothed"] = frame.pack(points + (smoothed.vertices - vertices)[rows], triangles, **known_normals)
         after = noise_level(smoothed.noise_after, smoothed.mean_edge)
-        comparisons.insert(0, ("smoothed", "smoothing", f"{smoothed.noise}; {after} after.".capitalize()))
+        text = f"{smoothed.noise}; {after} after.".capitalize()
+        comparisons.insert(0, ("smoothed", "smoothing", text if len(faces) else text.replace("edges", "spacings")))
         start = "smoothed" if smoothed.displacement.any() else start
     fields = [field for field in PAGE_FIELDS if field.column in values]
     shades = {field.column: shades_of(field, values[field.column], faces) for field in fields}
@@ -318,6 +321,7 @@ def _remarks(filled: HoleFillingResult, frame: Frame) -> list[str]:
 def _hole_table(filled: HoleFillingResult) -> Report:
     """Table of the holes, the largest first."""
     header = ["fill", "edges", "diameter", "new faces", "rim angle [degrees]", "remark"]
+    holes = sorted(filled.holes, key=lambda hole: -hole.edge_count)[:MAX_PAGE_HOLES]
     rows = [
         [
             hole.method or "left open",
@@ -327,10 +331,11 @@ def _hole_table(filled: HoleFillingResult) -> Report:
             round(float(hole.rim_dihedral), 1) if hole.filled else "",
             shell_remark(hole.reason),
         ]
-        for hole in sorted(filled.holes, key=lambda hole: -hole.edge_count)[:MAX_PAGE_HOLES]
+        for hole in holes
     ]
+    places = [filled.vertices[hole.rim].mean(axis=0).tolist() for hole in holes]
     more = f", the largest {MAX_PAGE_HOLES}" if len(filled.holes) > MAX_PAGE_HOLES else ""
-    return {"title": f"Holes: {len(filled.holes):,}{more}", "header": header, "rows": rows}
+    return {"title": f"Holes: {len(filled.holes):,}{more}", "header": header, "rows": rows, "places": places}
 
 
 def _html(title: str, data: Report) -> str:

@@ -83,11 +83,12 @@ def deviation_tables(report: Report) -> list[Report]:
     tables: list[Report] = [{"title": "The comparison", "header": ["quantity", "value"], "rows": facts}]
     if report["regions"]:
         rows = [
-            [*region["place"], region["vertices"], region["deviation"], region["std"], region["p_value"]]
+            [region["vertices"], region["deviation"], region["std"], region["p_value"], *region["place"]]
             for region in report["regions"][:MAX_PAGE_REGIONS]
         ]
         more = f", the {MAX_PAGE_REGIONS} most significant" if len(report["regions"]) > MAX_PAGE_REGIONS else ""
-        header = ["x", "y", "z", "vertices", "mean deviation", "standard error", "p-value"]
+        header = ["vertices", "mean deviation", "standard error", "p-value", "x", "y", "z"]
         title = f"Regions that deviate: {len(report['regions']):,}{more}"
-        tables.append({"title": title, "header": header, "rows": rows})
+        places = [region["place"] for region in report["regions"][:MAX_PAGE_REGIONS]]
+        tables.append({"title": title, "header": header, "rows": rows, "places": places})
     return tables

@@ -31,13 +31,20 @@ def verdict(
     if smoothed is None:
         sentences = [("The noise is not measured.", "")]
     elif filled is None:
-        sentences = [_noise(name, smoothed), ("A point cloud has no faces, and so no holes.", "")]
+        text, command = _noise(name, smoothed)
+        sentences = [
+            (text.replace(" edges", " spacings"), command),
+            ("A point cloud has no faces, and so no holes.", ""),
+        ]
+        findings = ()  # that it has no faces
     else:
         sentences = [_noise(name, smoothed), _holes(name, filled, "is" if cleaned else "can be")]
     if cleaned:
         sentences = [(text, "") for text, _ in sentences]
     if not findings:
-        return [*sentences, ("Nothing stands in the way of estimates, smoothing and hole filling.", "")]
+        is_cloud = smoothed is not None and filled is None
+        jobs = "estimates and smoothing" if is_cloud else "estimates, smoothing and hole filling"
+        return [*sentences, (f"Nothing stands in the way of {jobs}.", "")]
     more = f" {len(findings) - 1} more below." if len(findings) > 1 else ""
     command = f"bezier-filters clean {name} repaired.ply --repair" if can_be_repaired else ""
     return [*sentences, (f"In the way: {findings[0].rstrip('.')}.{more}", command)]
@@ -69,10 +76,13 @@ def _holes(name: str, result: HoleFillingResult, verb: str) -> Sentence:
     left, count = len(result.holes) - result.filled, len(result.holes)
     holes = "1 hole" if count == 1 else f"{count:,} holes"
     text = f"{result.filled:,} of {holes} {'are' if verb == 'is' and result.filled != 1 else verb} filled"
+    if not result.filled:
+        text = f"{holes.capitalize()} {'stays' if count == 1 else 'stay'} open"
     if left:
         unfilled = [hole.reason.partition(";")[0] for hole in result.holes if not hole.filled]
         reasons = Counter(reason or "no reason known" for reason in unfilled)
-        shown = "; ".join(f"{shell_remark(reason)} ({n:,})" for reason, n in reasons.most_common(_MAX_REASONS))
-        text += f", {left:,} {'stays' if left == 1 else 'stay'} open: {shown}"
+        counted = {reason: f" ({n:,})" if len(reasons) > 1 else "" for reason, n in reasons.most_common(_MAX_REASONS)}
+        shown = "; ".join(f"{shell_remark(reason)}{number}" for reason, number in counted.items())
+        text += f": {shown}" if not result.filled else f", {left:,} {'stays' if left == 1 else 'stay'} open: {shown}"
         text += "; and others" * (len(reasons) > _MAX_REASONS)
     return f"{text}.", f"bezier-filters fill-holes {name} filled.ply" if result.filled else ""

@@ -81,8 +81,8 @@ function normals(points, faces) {
 }
 function loaded(mesh) {
   const points = floats(mesh.points), indices = integers(mesh.indices);
-  const arrows = mesh.lines ? new Float32Array(points.length) : normals(points, indices);
-  return {...mesh, points, indices, count: indices.length, position: buffer(gl.ARRAY_BUFFER, points),
+  const arrows = mesh.normals ? floats(mesh.normals) : mesh.lines ? new Float32Array(points.length) : normals(points, indices);
+  return {...mesh, arrows, points, indices, count: indices.length, position: buffer(gl.ARRAY_BUFFER, points),
     normal: buffer(gl.ARRAY_BUFFER, arrows), order: buffer(gl.ELEMENT_ARRAY_BUFFER, indices)};
 }
 const meshes = Object.fromEntries(Object.entries(data.meshes).map(([name, mesh]) => [name, loaded(mesh)]));
@@ -207,12 +207,12 @@ function render(wide, tall, ratio, background) {
     aim(painter, own, tall, 4 * ratio * Math.sqrt(state.zoom));
     if (compared) {
       const old = mesh.new_from ?? mesh.count;
-      paint(mesh, {flat_: true, lit: true, part: [0, old]});
+      paint(mesh, {flat_: mesh.count > 0, lit: true, part: [0, old]});
       if (old < mesh.count) paint(mesh, {flat_: true, lit: true, plain: NEW, back: NEW, part: [old, mesh.count - old]});
     } else if (field) {
       gl.uniform2fv(painter.uniform("limits"), field.names ? [0, 1] : state.limits.map(place));
-      paint(mesh, {mapped: true, codes: !!field.names, lit: mesh.count > 0});
-    } else paint(mesh, {flat_: mesh.count > 0, lit: mesh.count > 0});
+      paint(mesh, {mapped: true, codes: !!field.names, lit: mesh.count > 0 || !!mesh.normals});
+    } else paint(mesh, {flat_: mesh.count > 0, lit: mesh.count > 0 || !!mesh.normals});
     const lines = state.creases && !compared ? data.lines.map(line => [meshes[line.mesh], line.color]) : [];
     if (state.line && trace.count) lines.push([trace, background[0] > 0.5 ? [0, 0, 0] : [1, 1, 1]]);
     lines.forEach(([line, plain], k) => {
@@ -321,6 +321,17 @@ function turned(x, y) {
     for (let j = 0; j < 3; j++) result.push([0, 1, 2].reduce((sum, k) => sum + about[3 * i + k] * m[3 * k + j], 0));
   }
   state.turn = result;
+}
+// Turn a direction to the viewer, and leave upright what is.
+function faced(direction) {
+  const unit = it => { const length = Math.hypot(...it); return it.map(x => x / length); };
+  const cross = ([a, b, c], [d, e, f]) => [b * f - c * e, c * d - a * f, a * e - b * d];
+  if (!(Math.hypot(...direction) > 0)) return;
+  const near = unit(direction), up = [3, 4, 5].map(k => state.turn[k]);
+  let right = cross(up, near);
+  if (Math.hypot(...right) < 1e-3) right = [0, 1, 2].map(k => state.turn[k]);
+  right = unit(right);
+  state.turn = [...right, ...cross(near, right), ...near];
 }
 function moved(x, y) {
   state.fitted = false;

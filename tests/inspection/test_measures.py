@@ -100,6 +100,17 @@ def test_standard_errors_of_area_and_volume_are_the_spread_of_repeated_measureme
     assert (ratios < 1.7).all()
 
 
+def test_the_standard_error_of_the_total_gaussian_curvature_includes_the_error_of_shape():
+    """A torus, whose total is 0, under noise for which patches take as many rings as its tube allows."""
+    body = torus(resolution=24)
+    corners = body.vertices[body.faces]
+    step = 0.1 * np.linalg.norm(corners[:, 0] - corners[:, 1], axis=1).mean()
+    heights = step * np.random.default_rng(0).standard_normal((len(body.vertices), 1))
+    found = measure(body.vertices + heights * body.normals, body.faces, repeats=2).whole
+    assert found.gauss_bonnet_error == pytest.approx(found.values.total_gaussian_curvature)
+    assert abs(found.values.total_gaussian_curvature) <= found.std.total_gaussian_curvature
+
+
 def test_it_follows_the_scale():
     ball = sphere(resolution=8)
     plain, large = (measure(s * ball.vertices, ball.faces, repeats=0).whole.values for s in (1.0, 1e30))
