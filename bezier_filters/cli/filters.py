@@ -233,7 +233,7 @@ def bridge() -> None:
 def subdivide() -> None:
     """Make a mesh finer, with new vertices on the curved surface.
 
-    The surface is that of the patches.     Every face becomes four, or only edges are split that are farther from the
+    The surface is that of the patches. Every face becomes four, or only edges are split that are farther from the
     surface than a tolerance. Sharp edges stay sharp. The vertices of a clean mesh stay; those of a noisy one move onto
     the surface, which is free of noise.
 

@@ -21,11 +21,12 @@ from bezier_filters.inspection.deviation_status import DeviationStatus
 from bezier_filters.inspection.regional_means import mean_variance, regional_means, ring_of_size
 from bezier_filters.inspection.rigid_motion import rigid_share
 from bezier_filters.meshes.adjacency import edge_lengths, vertex_adjacency
+from bezier_filters.meshes.half_edges import half_edge_twins
 from bezier_filters.meshes.mesh import TriangleMesh, check_has_faces, check_selection, surface_or_points, takes_meshes
 from bezier_filters.meshes.mesh_objects import MeshLike
 from bezier_filters.meshes.unit_size import LENGTH
 from bezier_filters.patch_surface.disagreement import patch_disagreement
-from bezier_filters.patch_surface.projection import AT_BORDER, NO_PLACE, NOT_CONVERGED, ON_FACE
+from bezier_filters.patch_surface.projection import AT_BORDER, NO_PLACE, NOT_CONVERGED, ON_EDGE, ON_FACE
 from bezier_filters.patch_surface.surface import Surface, SurfacePoints
 from bezier_filters.patch_surface.surface_fit import fit_surface
 from bezier_filters.result_tables import Table, TabularResult
@@ -308,7 +309,7 @@ def compare(
         reference = fit_surface(model.vertices, model.faces, noise=reference_noise, progress=progress)
     test = _fit_test(mesh, points=measured == "points" or not mesh.face_count, noise=noise, progress=progress)
     found = reference.query(test.positions, progress=progress)
-    status = _status(test, found, selected, np.inf if max_distance is None else max_distance)
+    status = _status(test, reference, found, selected, np.inf if max_distance is None else max_distance)
     compared = status <= DeviationStatus.ON_FACE
     distances = np.where(compared, found.distances, 0.0)
     reference_std, excess = found.position_std, _shape_variance(reference, found)
@@ -393,16 +394,28 @@ def _vertex_noise(geometry: VertexGeometry) -> FloatArray:
     return np.full(len(geometry.status), sigma)
 
 
-def _status(test: _Test, found: SurfacePoints, selected: BoolArray | None, max_distance: float) -> IntArray:
+def _are_at_sharp_edges(reference: Surface, found: SurfacePoints) -> BoolArray:
+    """Which places, (n,), are at the end of a patch but not of the mesh: the surface goes on across the edge."""
+    at_end = found.outcome == AT_BORDER
+    twins = half_edge_twins(reference.mesh.faces, reference.mesh.vertex_count).reshape(-1, 3)
+    shares = np.column_stack([1.0 - found.coordinates.sum(axis=1), found.coordinates])
+    across = np.roll(twins[found.faces], -1, axis=1)  # by the corner that is opposite
+    ends_there = ((shares <= ON_EDGE) & (across < 0)).any(axis=1)
+    return np.asarray(at_end & ~ends_there)
+
+
+def _status(
+    test: _Test, reference: Surface, found: SurfacePoints, selected: BoolArray | None, max_distance: float
+) -> IntArray:
     """Status of every vertex, (n,)."""
     status = np.full(len(test.std), int(DeviationStatus.OK), dtype=np.int32)
     if not test.is_points:
         status[test.fit_status >= FitStatus.NORMAL_ONLY] = DeviationStatus.POINT
+    at_sharp_edge = _are_at_sharp_edges(reference, found)
     for outcome, code in _OUTCOMES.items():
-        status[found.outcome == outcome] = code
-    status[(status < DeviationStatus.PAST_BORDER) & (np.einsum("ij,ij->i", test.normals, found.normals) < 0.0)] = (
-        DeviationStatus.OPPOSITE
-    )
+        status[(found.outcome == outcome) & ~at_sharp_edge] = code
+    is_opposite = np.einsum("ij,ij->i", test.normals, found.normals) < 0.0
+    status[(status < DeviationStatus.PAST_BORDER) & is_opposite & ~at_sharp_edge] = DeviationStatus.OPPOSITE
     status[np.abs(found.distances) > max_distance] = DeviationStatus.TOO_FAR
     if len(found.points):
         status[test.fit_status == FitStatus.ISOLATED] = DeviationStatus.ISOLATED

@@ -114,7 +114,7 @@ def meshing_bridge_holes_by_bezier_patch(
         "topology_before": dict(before.counts),
         "topology_after": dict(after.counts),
         "warnings": [f"{open_:,} of the pairs of holes, which could not be joined"] * bool(open_),
-        "remarks": [*before.remarks, *([] if result.pairs else [no_pair])],
+        "remarks": [*before.faults, *([] if result.pairs else [no_pair])],
         "bands": _describe_bands(result),
         "holes": [_describe_hole(mesh, hole) for hole in listed],
         "seconds": {"read": start - begin, "fit": fitted - start, "write": written - fitted},

@@ -113,7 +113,7 @@ def meshing_remeshing_by_bezier_patch(
         "topology_before": dict(before.counts),
         "topology_after": dict(after.counts),
         "warnings": [],
-        "remarks": [*before.remarks, *([] if result.has_requested_vertices else [_few_vertices(vertexcount, result)])],
+        "remarks": [*before.faults, *([] if result.has_requested_vertices else [_few_vertices(vertexcount, result)])],
         "seconds": {"read": start - begin, "fit": fitted - start, "write": written - fitted},
     }
 

@@ -133,7 +133,7 @@ def meshing_replace_selection_by_bezier_patch(
         "topology_before": dict(before.counts),
         "topology_after": dict(after.counts),
         "warnings": [f"{len(kept):,} of the parts of the selection, which could not be replaced"] * bool(kept),
-        "remarks": before.remarks,
+        "remarks": before.faults,
         "patches": [_describe_patch(patch) for patch in result.patches],
         "seconds": {"read": start - begin, "fit": fitted - start, "write": written - fitted},
     }

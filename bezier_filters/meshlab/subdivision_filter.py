@@ -58,7 +58,8 @@ def meshing_surface_subdivision_by_bezier_patch(
     -------
     dict
         ``old_vertices``, ``vertices``, ``old_faces`` and ``faces`` (numbers before and after), ``flat_vertices``
-        (number of vertices on old faces, for want of a surface), ``moved`` (whether old vertices moved),
+        (number of vertices on old faces, for want of a surface), ``unresolved_faces`` (number of old faces where splits
+        do not bring edges within the tolerance), ``moved`` (whether old vertices moved),
         ``chord_error`` (largest distance of the midpoint of an edge from the surface, a length, or None without a
         tolerance), ``id`` (of the layer that is the mesh now), ``noise`` (standard deviation, a length, or None),
         ``lost_attributes``, ``textured``, ``topology_before`` and ``topology_after`` (as in
@@ -101,13 +102,20 @@ def meshing_surface_subdivision_by_bezier_patch(
     with preserve_filter_script(ms):
         lost_attributes, textured = exchange_mesh(ms, derive_by_subdivision(mesh, result))
     written = clock_without_compilation()
-    flat = len(result.flat_vertices)
+    flat, rough = len(result.flat_vertices), len(result.unresolved_faces)
+    remarks = [] if not flat else [f"{flat:,} vertices lie on old faces, for want of a surface"]
+    if rough:
+        remarks.append(
+            f"edges of {rough:,} old faces stay farther from the surface than the tolerance: it has steps there, as "
+            "strong noise makes; smooth the mesh first"
+        )
     return {
         "old_vertices": len(mesh.vertices),
         "vertices": len(result.vertices),
         "old_faces": len(mesh.faces),
         "faces": len(result.faces),
         "flat_vertices": flat,
+        "unresolved_faces": rough,
         "moved": result.moved,
         "chord_error": result.chord_error,
         "id": ms.current_mesh_id(),
@@ -117,7 +125,7 @@ def meshing_surface_subdivision_by_bezier_patch(
         "topology_before": dict(before.counts),
         "topology_after": dict(after.counts),
         "warnings": [],
-        "remarks": [*before.remarks, *([f"{flat:,} vertices lie on old faces, for want of a surface"] * bool(flat))],
+        "remarks": [*before.faults, *remarks],
         "seconds": {"read": start - begin, "fit": fitted - start, "write": written - fitted},
     }
 

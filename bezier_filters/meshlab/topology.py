@@ -59,14 +59,19 @@ class Topology:
     not_manifold: BoolArray  # (n,): ends of edges of three or more faces, and vertices at which surfaces only touch
 
     @property
-    def remarks(self) -> list[str]:
-        """Remarks for users of estimates."""
+    def faults(self) -> list[str]:
+        """What is not manifold, as remarks."""
         texts = {
             "non_manifold_faces": "faces lie on edges of three or more, where neighbourhoods mix sheets",
             "non_manifold_vertices": "vertices join surfaces that only touch, which neighbourhoods mix",
         }
         found = ((self.counts[name], text) for name, text in texts.items())
-        return [f"topology: {count:,} {text}; repair=True splits them" for count, text in found if count > 0]
+        return [f"topology: {count:,} {text}" for count, text in found if count > 0]
+
+    @property
+    def remarks(self) -> list[str]:
+        """Remarks for users of filters that repair."""
+        return [f"{fault}; repair=True splits them" for fault in self.faults]
 
 
 def topology_of(vertices: FloatArray, faces: IntArray) -> Topology:

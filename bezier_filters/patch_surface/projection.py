@@ -30,6 +30,10 @@ PROJECTION_ACCURACY = (
     1e-8  # least step in barycentric coordinates and sizes of the face; errors of distances: its square
 )
 ON_EDGE = 1e-14  # barycentric coordinate up to which a place is on an edge: rounding errors
+# Newton step, over the size of the face, from which on the nearest place of a path that ends nowhere is good enough: at
+# vertices of noisy meshes, where the second derivatives of the surface jump, steps do not become shorter. Of the vertices
+# of a torus with noise of a tenth of an edge 6 % have no place with a tenth of it, 3 % with this, and 28 % without it.
+STATIONARY = 1e-3
 NEIGHBOUR_PATHS = 39  # from a face across one edge, two or three; two leave three times as many queries
 MIN_NEWTON_RATIO = 1e-3  # least determinant of Newton's matrix over that of its positive part
 TANGENTS, RATES, WORK_SIZE = SIZE, SIZE + 6, SIZE + 8  # columns of the scratch array of a thread
@@ -105,6 +109,10 @@ def project_points(
         f, a, b, outcome = descend(surface, guess, place[COORDINATE_1], place[COORDINATE_2], x, y, z, work)
         if outcome == NOT_CONVERGED:
             f, a, b, outcome = _descend_from_neighbours(surface, guess, f, a, b, x, y, z, work)
+        if outcome == NOT_CONVERGED:
+            f, a, b, outcome = descend(
+                surface, guess, place[COORDINATE_1], place[COORDINATE_2], x, y, z, work, STATIONARY
+            )
         places.outcome[q] = outcome
         write_place(surface, f, a, b, work, q, places)
 
@@ -136,17 +144,27 @@ def _descend_from_neighbours(
 
 @inner_jit()
 def descend(
-    surface: SurfaceArrays, f: int, a: float, b: float, x: float, y: float, z: float, work: FloatArray
+    surface: SurfaceArrays,
+    f: int,
+    a: float,
+    b: float,
+    x: float,
+    y: float,
+    z: float,
+    work: FloatArray,
+    accuracy: float = 0.0,
 ) -> tuple[int, float, float, int]:
     """From a place on a face, move to the place on the surface nearest to (x, y, z): face, coordinates, outcome.
 
-    Where a step leaves the face it goes on in the next one; at a border it goes along it.
+    Where a step leaves the face it goes on in the next one; at a border it goes along it. Of a path that ends nowhere,
+    the nearest place is taken if the step from there is shorter than the accuracy.
     """
     previous = -1
     work[T] = 0.0
     # the last accepted place, its squared distance, and the step from there, in parts
     at_f, at_a, at_b, at_t, least, taken_a, taken_b, part = f, a, b, 0.0, np.inf, 0.0, 0.0, 1.0
     rate_a = rate_b = at_g1 = at_g2 = 0.0
+    best_f, best_a, best_b, best, best_step = f, a, b, np.inf, np.inf
     for _ in range(MAX_MOVES):
         rise = approach_surface(surface, f, a, b, work)
         if not rise < np.inf:
@@ -169,6 +187,9 @@ def descend(
         step_a, step_b = (h22 * g1 - h12 * g2) / determinant, (h11 * g2 - h12 * g1) / determinant
         if max(abs(step_a), abs(step_b), rise) < PROJECTION_ACCURACY:
             return f, a, b, ON_SURFACE
+        if squared < best and rise < accuracy:
+            best_f, best_a, best_b, best = f, a, b, squared
+            best_step = (g1 * step_a + g2 * step_b) / np.sqrt(determinant)
         edge = _edge_left(a, b, step_a, step_b, -1)
         if edge >= 0:
             other = surface.neighbours[f, (edge + 1) % 3]
@@ -182,13 +203,17 @@ def descend(
             u2 = 1.0 if edge == 0 else -1.0 if edge == 1 else 0.0
             along = (g1 * u1 + g2 * u2) / (h11 * u1 * u1 + 2.0 * h12 * u1 * u2 + h22 * u2 * u2)
             if max(abs(along), rise) < PROJECTION_ACCURACY:
-                return f, a, b, AT_BORDER if other < 0 else NOT_CONVERGED
+                if other < 0:
+                    return f, a, b, AT_BORDER
+                break
             step_a, step_b = along * u1, along * u2
             second = _edge_left(a, b, step_a, step_b, edge)
             if second >= 0:
                 other = surface.neighbours[f, (second + 1) % 3]
                 if other < 0 or other == previous:
-                    return f, a, b, AT_BORDER if other < 0 or at_border else NOT_CONVERGED
+                    if other < 0 or at_border:
+                        return f, a, b, AT_BORDER
+                    break
                 previous = f
                 f, a, b = _enter(surface, f, other, a, b)
                 continue
@@ -197,6 +222,8 @@ def descend(
         taken_a, taken_b, rate_a, rate_b = step_a, step_b, work[RATES], work[RATES + 1]
         a, b = _move(a, b, step_a, step_b)
         work[T] = at_t + (a - at_a) * rate_a + (b - at_b) * rate_b
+    if best_step < accuracy * accuracy and place_on_surface(surface, best_f, best_a, best_b, work):
+        return best_f, best_a, best_b, ON_SURFACE
     return f, a, b, NOT_CONVERGED
 
 

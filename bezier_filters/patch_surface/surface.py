@@ -52,9 +52,8 @@ class SurfacePoints(DerivedCurvatures):
         Barycentric coordinates of the second and third corner of the face.
     outcome : (q,) int32
         0 for the nearest place; 1 where that is on a border or sharp edge, so that the query is not over it; 2 where
-        none was found, as noise turns faces over: the place is on the surface, and a nearer one may exist, by a tenth
-        of an edge mostly; 3 where the face has no patches, or they fold, and the place is on the face; 4 where no face
-        has an area.
+        none was found, as noise turns faces over: the place is on the surface, and a nearer one may exist; 3 where the
+        face has no patches, or they fold, and the place is on the face; 4 where no face has an area.
     mean_curvature, gaussian_curvature, geodesic_torsion : (q,) float64
         Derived from `k_min` and `k_max`.
     """

@@ -27,6 +27,9 @@ from bezier_filters.runtime.parallel import Progress, runs_on_threads
 
 MAX_ITERATIONS = 10  # each makes four faces of one
 MAX_ROUNDS = 40  # splits of edges for a tolerance; 20 make a millionth of an edge
+# Splits halve the largest error of a face in this many rounds where they help, and mostly make a 64th of it. Where
+# the surface has a step, as noise makes, they never end. Three rounds or six leave the same faces of noisy tori.
+ROUNDS_TO_HALVE = 6
 MAX_FACES = 50_000_000  # of a result, which has 5 GB then
 # Faces that one becomes, over the ratio of its chord error to the tolerance: spheres, tori, tubes, ellipsoids and stars
 # have 0.7 to 2.8.
@@ -54,6 +57,9 @@ class SubdivisionResult(TabularResult):
     flat_vertices : (k,) int32
         Vertices on a face of the given mesh, because the surface has no place over it: where patches are missing or
         fold.
+    unresolved_faces : (k,) int32
+        Old faces where edges stay farther from the surface than the tolerance, because splits do not bring them nearer:
+        the surface has a step there, as strong noise makes.
     moved : bool
         Whether old vertices moved onto the surface.
     chord_error : float
@@ -67,6 +73,7 @@ class SubdivisionResult(TabularResult):
     old_faces: IntArray
     coordinates: FloatArray
     flat_vertices: IntArray
+    unresolved_faces: IntArray
     moved: bool
     chord_error: float | None = field(metadata=LENGTH)
     noise: float | None = field(metadata=LENGTH)
@@ -80,6 +87,7 @@ class SubdivisionResult(TabularResult):
             ["vertices", len(self.vertices)],
             ["faces", len(self.faces)],
             ["vertices on old faces", len(self.flat_vertices)],
+            ["faces beyond the tolerance", len(self.unresolved_faces)],
             ["old vertices moved", "yes" if self.moved else "no"],
             ["chord error", self.chord_error],
         ]
@@ -121,8 +129,8 @@ def subdivide(
     iterations : int, optional
         How often every face becomes four, 1 if no tolerance is given; at most 10.
     tolerance : float, optional
-        Split only edges whose midpoints are farther from the surface, a length, until none is. With any edge of a face
-        its longest one is split, so that angles stay above half of those of the mesh.
+        Split only edges whose midpoints are farther from the surface, a length, until none is, or splits do not help.
+        With any edge of a face its longest one is split, so that angles stay above half of those of the mesh.
     selected : (m,) bool, optional
         Faces to subdivide; their neighbours are divided at common edges.
     move : bool, optional
@@ -172,7 +180,7 @@ def subdivide(
     for _ in range(count):
         refinement.divide_all()
         refinement.progress.advance()
-    chord_error = None if tolerance is None else refinement.divide_to(tolerance)
+    chord_error, unresolved = (None, np.empty(0, np.int32)) if tolerance is None else refinement.divide_to(tolerance)
     refinement.progress.finish()
     return SubdivisionResult(
         refinement.vertices,
@@ -180,6 +188,7 @@ def subdivide(
         refinement.nested.parents,
         refinement.nested.coordinates,
         np.flatnonzero(refinement.on_face).astype(np.int32),
+        unresolved,
         bool(move),
         chord_error,
         sigma,
@@ -256,26 +265,38 @@ class _Refinement:
         marked[edges.of_face[self.chosen[self.nested.parents]]] = True
         self._split(edges, marked)
 
-    def divide_to(self, tolerance: float) -> float:
-        """Split edges until their midpoints are within a tolerance of the surface; return the largest distance."""
+    def divide_to(self, tolerance: float) -> tuple[float, IntArray]:
+        """Split edges until their midpoints are within a tolerance of the surface, or this does not help.
+
+        Returns the largest distance, and the old faces where it is beyond the tolerance.
+        """
+        is_open = self.chosen.copy()
+        peaks: list[FloatArray] = []  # (m,) after each round: the largest distance so far in each old face
         largest, tested, rounding = 0.0, self.nested, DISTANCE_ROUNDING * float(np.abs(self.vertices).max())
         for k in range(MAX_ROUNDS):
             edges = face_edges(self.nested.faces, len(self.vertices))
             marked = np.zeros(len(edges.ends), dtype=np.bool_)
-            marked[edges.of_face[self.chosen[self.nested.parents] & self.nested.is_new]] = True
+            marked[edges.of_face[is_open[self.nested.parents] & self.nested.is_new]] = True
             tested, ids = self.nested, np.flatnonzero(marked)
             middles = 0.5 * self.vertices[edges.ends[ids]].sum(axis=1)
             distances = np.linalg.norm(self._middles(tested, edges, marked).points - middles, axis=1)
             distances[distances < rounding] = 0.0
+            of_edge = np.zeros(len(marked))
+            of_edge[ids] = distances
             if k == 0:
-                of_edge = np.zeros(len(marked))
-                of_edge[ids] = distances
                 check_tolerance(tolerance, of_edge[edges.of_face].max(axis=1))
                 # two rounds of bisection quarter the largest distance
                 self.progress.total += 1 + int(
                     2.0 * np.log(max(distances.max(initial=0.0) / tolerance, 1.0)) / np.log(4.0)
                 )
-            far = distances > tolerance
+            worst = np.zeros(self.surface.mesh.face_count)
+            np.maximum.at(worst, tested.parents, of_edge[edges.of_face].max(axis=1))
+            peaks.append(np.maximum(worst, peaks[-1]) if peaks else worst)
+            if k >= ROUNDS_TO_HALVE:
+                is_open &= worst <= np.maximum(tolerance, 0.5 * peaks[k - ROUNDS_TO_HALVE])
+            can_split = np.zeros(len(marked), dtype=np.bool_)
+            can_split[edges.of_face[is_open[tested.parents]]] = True
+            far = (distances > tolerance) & can_split[ids]
             largest = max(largest, float(distances[~far].max(initial=0.0)))
             if not far.any():
                 break
@@ -284,7 +305,7 @@ class _Refinement:
             self._split(edges, include_longest_edges(TriangleMesh(self.vertices, tested.faces), edges, marked))
         else:
             largest = max(largest, float(distances.max()))
-        return largest
+        return largest, np.flatnonzero(self.chosen & ~is_open).astype(np.int32)
 
     def _split(self, edges: FaceEdges, marked: BoolArray) -> None:
         n = len(self.vertices)

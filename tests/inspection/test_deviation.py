@@ -15,7 +15,7 @@ from bezier_filters.inspection.deviating_regions import find_deviating_regions
 from bezier_filters.inspection.regional_means import mean_variance, regional_means, ring_of_size
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import triangle_mesh
-from bezier_filters.surfaces import bumpy_star, ellipsoid, height_field, sphere, torus
+from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, ellipsoid, height_field, sphere, torus
 
 
 def rms(values):
@@ -118,6 +118,24 @@ def test_what_cannot_be_compared_has_a_status_and_no_deviation():
     assert names == ["OK", "PAST_BORDER", "TOO_FAR", "SKIPPED"]
     np.testing.assert_allclose(found.distances[:4], [0.01, 0.0, 0.0, 0.0], atol=1e-9)
     assert found.compared.sum() == 4
+
+
+def test_the_vertices_of_a_noisy_mesh_have_places_on_its_surface():
+    body = torus(resolution=16)
+    vertices = add_noise(body, 0.1, seed=0)
+    found = compare(vertices, None, vertices, body.faces)
+    assert found.compared.mean() > 0.95
+
+
+def test_edges_of_a_larger_block_are_compared():
+    vertices, faces = block_with_sharp_edges(resolution=6)
+    vertices = vertices - vertices.mean(axis=0)
+    found = compare(1.02 * vertices, faces, vertices, faces, reference_noise=0.0)
+    assert found.compared.mean() > 0.99
+    lengths = 0.02 * np.linalg.norm(vertices, axis=1)  # by which the vertices are away from their own places
+    assert (found.distances[found.compared] <= lengths[found.compared] + 1e-9).all()
+    assert found.distances.max() > 0.9 * lengths.max()
+    assert found.distances.min() > -1e-9
 
 
 def test_the_other_side_of_a_wall_is_no_deviation():

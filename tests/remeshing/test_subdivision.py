@@ -197,6 +197,19 @@ def test_a_tolerance_below_rounding_ends_on_planes():
     assert len(subdivide(block, faces, tolerance=1e-300).faces) == len(faces)
 
 
+def test_splits_end_where_they_do_not_help():
+    """A fin on an edge of a ball, where the surface has a step: only the faces there are finer than without it."""
+    ball = sphere(resolution=8)
+    a, b, _ = ball.faces[0]
+    vertices = np.vstack([ball.vertices, 1.5 * ball.vertices[[a, b]].mean(axis=0)])
+    found = subdivide(vertices, np.vstack([ball.faces, [[a, b, len(ball.vertices)]]]), tolerance=1e-3)
+    assert len(found.unresolved_faces) >= 1
+    assert found.chord_error > 1e-3
+    clean = subdivide(ball.vertices, ball.faces, tolerance=1e-3)
+    assert not len(clean.unresolved_faces)
+    assert len(found.faces) < 1.1 * len(clean.faces)
+
+
 @pytest.mark.parametrize("options", [{"iterations": 3}, {"tolerance": 1e-4}])
 def test_splits_report_their_progress_and_can_be_cancelled(options):
     ball, seen = sphere(resolution=8), []
