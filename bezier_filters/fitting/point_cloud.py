@@ -39,7 +39,7 @@ QUERY_CHUNK = 1 << 22  # candidates that are looked up at a time
 # cosine between normal and view from which on a point tells the side of its sheet: planes of sheets that are nearer to
 # each other than their points are some 30 degrees wrong at most; with 0.25 and 0.7 the plates of the tests are the same
 MIN_VIEW_COSINE = 0.5
-MIN_SHEET_POINTS = 3  # points of a side among the candidates, as many as have a plane; fewer are errors of planes
+MIN_SHEET_POINTS = 3  # points of a side among the nearest ones, as many as have a plane; fewer are errors of planes
 OPPOSITE_FACTOR = 4  # nearest points, over a wanted number, among which those of the same side are; half of two sheets
 NO_POINT = -1  # in place of a candidate that is none
 COCIRCULARITY_TOLERANCE = 1e-6  # relative; all points of one empty circle become neighbours
@@ -190,16 +190,15 @@ def _sides(points: FloatArray, views: FloatArray) -> FloatArray:
 
     The planes are those of points seen from the same side as this one, whatever their sheet: a sheet that was seen from
     two places is not divided, and another one close behind it does not turn its planes. A side that fewer than
-    `MIN_SHEET_POINTS` of the candidates and the point itself have is none.
+    `MIN_SHEET_POINTS` of the nearest points and the point itself have is none.
     """
-    groups, _ = _nearest(points, views)
-    planes = _planes(points, groups)
+    planes = _planes(points, _nearest(points, views)[0])
     cosines = np.einsum("ij,ij->i", planes, views)
     sides = np.where((np.abs(cosines) >= MIN_VIEW_COSINE)[:, np.newaxis], planes * np.sign(cosines)[:, np.newaxis], 0.0)
     result = np.zeros_like(sides)
-    for rows, nearest in groups:
+    for rows, nearest in _counted_nearest(points, CANDIDATE_COUNT, None):
         agreement = np.einsum("ij,ikj->ik", sides[rows], sides[nearest])
-        is_sheet = ((agreement > 0.0) & (nearest != NO_POINT)).sum(axis=1) + 1 >= MIN_SHEET_POINTS
+        is_sheet = (agreement > 0.0).sum(axis=1) + 1 >= MIN_SHEET_POINTS
         result[rows[is_sheet]] = sides[rows[is_sheet]]
     return result
 

@@ -15,7 +15,13 @@ def by_point(normals, points, viewpoint):
     return normals * np.where(dots(normals, viewpoint - points) < 0.0, -1.0, 1.0)[:, np.newaxis]
 
 
-def plate(gap, noise, n=2000):
+def change_evidence(monkeypatch, factor):
+    """Multiply what separates the signs of neighbours, in the kernel as Python, which reads the constant."""
+    monkeypatch.setattr(orientation, "SEPARATING_EVIDENCE", factor * orientation.SEPARATING_EVIDENCE)
+    monkeypatch.setattr(orientation, "_signs_of_views", orientation._signs_of_views.py_func)
+
+
+def plate(gap, noise, n=1000):
     """Two sheets of random points so many spacings apart, seen from above and below, and the true normals."""
     rng, spacing = np.random.default_rng(0), 2.0 / np.sqrt(n)
     side = np.repeat([1.0, -1.0], n)
@@ -54,14 +60,14 @@ def test_terrain_seen_from_above_and_below(sign):
 
 @pytest.mark.parametrize("factor", [0.5, 1.0, 2.0])
 def test_points_at_grazing_angle_turn_with_the_others(factor, monkeypatch):
-    monkeypatch.setattr(orientation, "SEPARATING_EVIDENCE", factor * orientation.SEPARATING_EVIDENCE)
+    change_evidence(monkeypatch, factor)
     rng = np.random.default_rng(0)
     points = np.column_stack([rng.uniform(-1.0, 1.0, (3000, 2)), 0.005 * rng.normal(size=3000)])
     place = np.array([-1.0, 0.0, 0.1])  # low over the border of a floor: at the far one the angle is 3 degrees
     found = estimate_vertex_geometry(points, viewpoint=place, rings=1)
     assert (found.normals[:, 2] > 0.0).all()
     turned = by_point(found.normals, points, place)[:, 2] < 0.0
-    assert found.flipped == turned.sum() > 30
+    assert found.flipped == turned.sum() > 500
 
 
 def test_two_scans_of_a_body():
@@ -82,19 +88,19 @@ def test_a_floor_seen_from_both_sides_of_a_room_is_one_sheet():
     np.testing.assert_array_equal(found.normals, one.normals)
 
 
-def test_wrong_places_of_a_third_of_the_points_turn_nothing_and_are_counted():
-    points = points_on_sphere(3000)
-    is_wrong = np.random.default_rng(1).random(len(points)) < 1 / 3
+def test_wrong_places_of_single_points_turn_nothing_and_are_counted():
+    """More of them, side by side, would be another sheet, seen from the other side."""
+    points = points_on_sphere(1500)
+    is_wrong = np.isin(np.arange(len(points)), np.abs(points).argmax(axis=0))
     found = estimate_vertex_geometry(points, viewpoint=np.where(is_wrong[:, np.newaxis], 0.5, 2.0) * points)
     assert (dots(found.normals, points) > 0.0).all()
-    assert found.flipped == is_wrong.sum()
+    assert found.flipped == is_wrong.sum() == 3
 
 
-@pytest.mark.parametrize("noise", [0.0, 0.1, 0.3])
-@pytest.mark.parametrize("gap", [0.3, 1.0, 2.0, 4.0])
-def test_both_sides_of_a_thin_plate(gap, noise):
-    if gap <= noise:
-        pytest.skip("points of one side lie beyond the other")
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+@pytest.mark.parametrize(("gap", "noise"), [(0.3, 0.1), (1.0, 0.0), (1.0, 0.3), (2.0, 0.1), (4.0, 0.3)])
+def test_both_sides_of_a_thin_plate(gap, noise, factor, monkeypatch):
+    change_evidence(monkeypatch, factor)
     points, places, side = plate(gap, noise)
     found = estimate_vertex_geometry(points, viewpoint=places, rings=2, alpha=0.8)
     assert (side * found.normals[:, 2] > 0.0).mean() > 0.999
@@ -105,7 +111,7 @@ def test_smoothing_keeps_both_sides_of_a_plate_apart():
     points, places, side = plate(1.0, 0.1)
     alone = [smooth(points[side == s]).vertices for s in (1.0, -1.0)]
     both = smooth(points, normals=places).vertices
-    spacing = 2.0 / np.sqrt(2000)
+    spacing = 2.0 / np.sqrt(1000)
     truth = 0.5 * spacing * side
     error = np.sqrt(np.mean((both[:, 2] - truth) ** 2))
     assert error < 1.2 * np.sqrt(np.mean((np.concatenate(alone)[:, 2] - truth) ** 2)) < 0.1 * spacing
