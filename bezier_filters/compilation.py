@@ -128,6 +128,7 @@ def _estimate_in_all_ways() -> None:
 def _estimate_points() -> None:
     points = _torus_with_holes()[0]
     estimate_vertex_geometry(points, None)
+    estimate_vertex_geometry(points, None, viewpoint=(0.0, 0.0, 0.0))
     smooth(points)
 
 

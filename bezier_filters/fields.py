@@ -10,6 +10,7 @@ if TYPE_CHECKING:
 PREFIX = "bz_"
 AXES = "xyz"  # names of components of vectors
 NORMAL_COLUMNS = ("nx", "ny", "nz")  # columns of the normals of a mesh
+VIEWPOINT_COLUMNS = tuple(f"{PREFIX}viewpoint_{axis}" for axis in AXES)  # places from which points were seen
 QUALITY = "quality"  # column of the quality of a mesh
 NORMAL = PREFIX + "normal"  # array of the normals where vectors are arrays
 GRADE = PREFIX + "fit_grade"  # column of the grades of fits: see `FitStatus`

@@ -92,6 +92,18 @@ detail : {LENGTH_TYPE}, optional
     Size of the smallest detail to keep: no neighbourhood wider than this is chosen. A length or a percentage.
     The percentage is one of the diagonal of the bounding box. The narrowest ring may always be chosen.
 """)
+CLOUD = parameters("""
+neighbours : int, optional
+    Number of points of every neighbourhood in a point cloud, the point itself among them, instead of rings or a radius.
+    Tangent planes and fits are those of so many nearest points, whatever the density. Not for meshes with faces.
+viewpoint : (float, float, float), optional
+    Place from which a point cloud was seen: the normals face it. By default that of the file, if there are no normals.
+    Parts with a consistent orientation are turned as a whole; points seen at grazing angle decide nothing. Files with
+    several scans have a place for each point, the attributes ``bz_viewpoint_x`` to ``_z``. The previous normals are
+    ignored then. Not for meshes with faces.
+viewpointside : {"toward", "away"}, default "toward"
+    Whether normals face the viewpoint (toward) or look away from it, as from a place inside a body.
+""")
 DIRECTION = parameters("""
 direction : (float, float, float), optional
     Direction for the curvatures along it and across it, and for plan curvature; for terrain that of gravity, 0 0 -1.
@@ -341,9 +353,9 @@ QUALITY_OF = {
 QUALITY_IN_TILES = _quality(result_qualities(CURVATURE), "mean")
 # of the filters by their commands, in the order of the commands' help
 PARAMETERS = {
-    NORMALS: (QUALITY_OF[NORMALS], *FIT, *REPAIR, *COLORS, *RUN),
-    CURVATURE: (QUALITY_OF[CURVATURE], *DIRECTION, *FIT, *REPAIR, *COLORS, *RUN),
-    TORSION: (*FIT, *REPAIR, *COLORS, *RUN),
+    NORMALS: (QUALITY_OF[NORMALS], *FIT, *CLOUD, *REPAIR, *COLORS, *RUN),
+    CURVATURE: (QUALITY_OF[CURVATURE], *DIRECTION, *FIT, *CLOUD, *REPAIR, *COLORS, *RUN),
+    TORSION: (*FIT, *CLOUD, *REPAIR, *COLORS, *RUN),
     SMOOTH: (*SMOOTHING, *REPAIR, QUALITY_OF[SMOOTH], *COLORS, *RUN),
     "fill-holes": (*FILLING, *REPAIR, *RUN),
     "replace": (*REPLACEMENT, *RUN),
@@ -359,17 +371,17 @@ PARAMETERS = {
 _ESTIMATED = """\
 ms : pymeshlab.MeshSet
     Its current mesh may be a point cloud, whose vertex normals define the outside where they are
-    not zero (see `estimate_vertex_geometry`).
+    not zero, unless a viewpoint does (see `estimate_vertex_geometry`).
 onselected : bool
     Only selected vertices get new values; if there are none, the vertices of the selected faces. The others keep
     theirs, or get 0 where a column or the quality is new."""
 _ESTIMATE = """\
 dict
-    ``status`` (number of vertices per status name), ``fit`` (the ``rings`` or ``radius``, ``degree`` and
-    ``alpha`` that were used, the ``noise_sigma`` that was found and the ``noise_length`` over which it
+    ``status`` (number of vertices per status name), ``fit`` (the ``rings``, ``radius`` or ``neighbours``,
+    ``degree`` and ``alpha`` that were used, the ``noise_sigma`` that was found and the ``noise_length`` over which it
     is correlated, lengths, ``noise_heavy``: whether it turns single normals, and ``noise_reason``: why it
-    is unknown), ``mean_edge`` (a length, or None for a point cloud), ``attributes`` (names written), ``quality``
-    and ``unit``,
+    is unknown), ``flipped`` (number of normals that contradict their viewpoints, or None), ``mean_edge`` (a
+    length, or None for a point cloud), ``attributes`` (names written), ``quality`` and ``unit``,
     ``statistics`` (min, median, max and mean of the quality over the vertices with an estimate),
     ``warnings`` (texts: why no vertex has an estimate), ``remarks`` (texts: why most estimates are unreliable,
     and where the mesh is no manifold), ``topology`` (what pymeshlab counts, as in

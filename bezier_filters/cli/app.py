@@ -342,6 +342,7 @@ _NAMES = {
     "normalcurvature": "normal-curvature",
     "maxdistance": "max-distance",
     "refnoise": "reference-noise",
+    "viewpointside": "viewpoint-side",
 }
 # least values that typer accepts
 _MINIMUM = {

@@ -105,7 +105,11 @@ def print_status(report: Report, source: str, *, verbose: bool = False) -> None:
         known, edge = (fit["noise_sigma"], fit["noise_length"], fit["noise_heavy"]), report.get("mean_edge")
         noise = f"; {noise_in_words(*known, edge, reason=fit['noise_reason'])}"
     where = f"on {fit['rings']} rings" if fit["radius"] is None else f"within a radius of {fit['radius']:.4g} (length)"
+    if fit["neighbours"] is not None:
+        where = f"on {fit['neighbours']} nearest points"
     out().print(f"  fitted {where}, degree {fit['degree']}, {weight}{noise}")
+    if report.get("flipped") is not None:
+        out().print(f"  normals oriented by viewpoints; {report['flipped']:,} contradict them")
     for name, count in report["status"].items():
         message, _, cause = FitStatus[name].message.partition(": ")
         out().print(f"  {count:>9,}  {message}" + (f": {cause} ({name})" if verbose and cause else f" ({name})"))

@@ -137,6 +137,7 @@ def normals() -> None:
 
     Example: bezier-filters normals scan.ply smooth_normals.ply
     Example: bezier-filters normals points.ply oriented.ply --quality z
+    Example: bezier-filters normals points.ply oriented.ply --viewpoint 0 0 1.8 --neighbours 30
     """
 
 

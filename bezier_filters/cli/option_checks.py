@@ -69,7 +69,7 @@ def _fit_options(values: Mapping[str, Any]) -> "FitOptions":
     """Options of the fit; percentages are checked where they are parsed, and stand for a length of 1."""
     from bezier_filters.surface_model.fit_options import FitOptions
 
-    names = ("rings", "alpha", "degree", "smoothness", "robust")
+    names = ("rings", "alpha", "degree", "smoothness", "robust", "neighbours")
     radius = values.get("radius")
     length = radius if radius is None or is_real(radius) else 1.0
     return FitOptions(**{name: values[name] for name in names if name in values}, radius=length)

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import cast
+from typing import NamedTuple, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,6 +26,7 @@ from bezier_filters.fitting.region_fits import (
 )
 from bezier_filters.fitting.surface_fit import SurfaceFit, choose_fit
 from bezier_filters.fitting.vertex_geometry import FitChoice, VertexGeometry, arrays_of, empty_geometry
+from bezier_filters.fitting.viewpoints import ViewpointSide, count_flipped, view_directions
 from bezier_filters.kernels.kernel_input import (
     MIN_NEIGHBOURHOOD_WIDTH,
     KernelMesh,
@@ -33,7 +34,14 @@ from bezier_filters.kernels.kernel_input import (
     prepare_kernel_mesh,
     replace_vertices,
 )
-from bezier_filters.meshes.mesh import TriangleMesh, check_selection, surface_or_points, takes_meshes
+from bezier_filters.meshes.mesh import (
+    TriangleMesh,
+    check_normals,
+    check_selection,
+    check_vectors,
+    surface_or_points,
+    takes_meshes,
+)
 from bezier_filters.meshes.mesh_objects import MeshLike
 from bezier_filters.meshes.prepared_mesh import PreparedMesh, prepare_mesh
 from bezier_filters.meshes.spatial_order import SpatialOrder, has_locality, identity_order, sort_spatially
@@ -53,16 +61,29 @@ EDGE_MISFIT_FRACTION, EDGE_FAILURE_FRACTION = 0.01, 0.002
 OUTLIER_MISFIT_RATIO, OUTLIER_MISFIT_FRACTION, OUTLIER_FAILURE_FRACTION = 2.0, 0.06, 0.0007
 
 
+class Outside(NamedTuple):
+    """What is known of the outside of a point cloud."""
+
+    normals: FloatArray | None = None  # (n, 3): outward vectors of any length, zero where unknown
+    views: FloatArray | None = None  # (n, 3): unit vectors that normals face
+
+
+UNKNOWN_OUTSIDE = Outside()
+
+
 @takes_meshes
-@normalizes_size("radius", "noise", "detail")
+@normalizes_size("radius", "noise", "detail", "viewpoint")
 @runs_on_threads
 def estimate_vertex_geometry(
     vertices: ArrayLike | MeshLike,
     faces: ArrayLike | None = None,
     *,
     normals: ArrayLike | None = None,
+    viewpoint: ArrayLike | None = None,
+    viewpoint_side: ViewpointSide = "toward",
     rings: int | Automatic = "auto",
     radius: float | None = None,
+    neighbours: int | None = None,
     alpha: float | Automatic = "auto",
     degree: int | Automatic = "auto",
     smoothness: Smoothness = "third_order",
@@ -94,9 +115,9 @@ def estimate_vertex_geometry(
     is biased at every resolution.
 
     Without faces the vertices are a point cloud: each point's neighbours are found among the nearest
-    points (see `point_cloud`), and all else is as for a mesh. What is outside follows from `normals`,
-    or else from the shape: closed bodies have positive volume, sheets look towards +z or the axis
-    that they face most.
+    points (see `point_cloud`), and all else is as for a mesh. What is outside follows from `normals`, or from the
+    places from which the points were seen, or else from the shape: closed bodies have positive volume, sheets look
+    towards +z or the axis that they face most.
 
     Parameters
     ----------
@@ -108,6 +129,15 @@ def estimate_vertex_geometry(
         For point clouds only: vectors of any length that point outwards, zero where the outside is
         unknown. Their side orients the results, and points with opposite ones are no neighbours; their
         directions are not used otherwise.
+    viewpoint : (3,) or (n, 3) array_like of float, optional
+        For point clouds only, instead of normals: the place of the scanner, or one for each point. Normals face it.
+        Parts with a consistent orientation are turned as a whole, as most of their points demand, weighted by the
+        cosine between the normal and the direction to the viewpoint: points seen at grazing angle decide nothing.
+        Signs differ within a part only where the points on both sides contradict each other as ten points seen along
+        their normals do. Points seen from opposite sides of a wall are no neighbours. ``flipped`` of the result counts
+        the normals that face away from their viewpoints.
+    viewpoint_side : {"toward", "away"}
+        Whether normals face the viewpoints, or away from them, as from a place inside a body.
     rings : int or "auto"
         Size of the neighbourhood in edges, at least 1.
     radius : float, optional
@@ -115,6 +145,12 @@ def estimate_vertex_geometry(
         meshes, are seen at one scale: every vertex within this distance that can be reached along
         edges within it. Balls with too few points are replaced by 2 rings or more
         (`FitStatus.WIDER_RING`). What the data choose is one choice for all vertices then.
+    neighbours : int, optional
+        For point clouds only, instead of rings or a radius: number of points of every neighbourhood, the point itself
+        among them. Tangent planes and fits are those of so many nearest points, whatever the density; points that
+        coincide count as one. At least as many as the fit has coefficients that only points determine: 6, or with
+        alpha 1 and degree d, (d + 1)^2. Where these are ill posed or fold, rings replace them. What the data choose is
+        one choice for all points then.
     alpha : float or "auto"
         Weight of the points against the smoothness, in (0, 1]; 1 fits the points alone.
     degree : int or "auto"
@@ -174,7 +210,7 @@ def estimate_vertex_geometry(
     InvalidMeshError
         If the arrays are not a mesh with finite coordinates.
     InvalidParameterError
-        If a parameter is out of range, or if there are both faces and normals.
+        If a parameter is out of range, or if there are both faces and normals, a viewpoint or neighbours.
     CancelledError
         If `progress` returned False.
 
@@ -190,11 +226,22 @@ def estimate_vertex_geometry(
     >>> of_points_alone = estimate_vertex_geometry(ball.vertices)
     >>> bool(abs(of_points_alone.mean_curvature - 0.5).max() < 1e-4)
     True
+    >>> from_inside = estimate_vertex_geometry(ball.vertices, viewpoint=(0, 0, 0), neighbours=30)
+    >>> bool(abs(from_inside.mean_curvature + 0.5).max() < 1e-3), from_inside.flipped
+    (True, 0)
     """
     mesh = surface_or_points(vertices, faces)
-    outside = _check_normals(normals, mesh)
-    options = FitOptions(rings, alpha, degree, smoothness, robust, noise, detail, radius, fallbacks, fold_test)
+    outside = Outside(check_normals(normals, mesh), view_directions(viewpoint, viewpoint_side, mesh))
+    if outside.normals is not None and outside.views is not None:
+        raise InvalidParameterError("viewpoint: there are normals, which say what is outside; give one of them")
+    options = FitOptions(
+        rings, alpha, degree, smoothness, robust, noise, detail, radius, fallbacks, fold_test, neighbours
+    )
     options.check()
+    if neighbours is not None and mesh.face_count:
+        raise InvalidParameterError(
+            f"neighbours: got {neighbours!r}; that is for point clouds, and meshes with faces have rings"
+        )
     if not options.is_fixed and x_axis is not None:
         raise InvalidParameterError(NEEDS_ALPHA)
     if fold_test != "angle" and not mesh.face_count:
@@ -208,13 +255,14 @@ def estimate_vertex_geometry(
         geometry = empty_geometry(mesh.vertex_count)
         if conditions:
             geometry = replace(geometry, condition_number=np.zeros(mesh.vertex_count))
-        return _estimate(mesh, ordered, source, options, lambda _: mask, geometry, outside=outside, progress=progress)
+        found = _estimate(mesh, ordered, source, options, lambda _: mask, geometry, outside=outside, progress=progress)
+    return found if outside.views is None else replace(found, flipped=count_flipped(found.normals, outside.views))
 
 
 def estimate_patches(mesh: TriangleMesh, options: FitOptions, progress: Progress | None = None) -> PatchGeometry:
     """Estimate the geometry at all vertices of a mesh with faces, and keep the patches."""
     with first_call():
-        ordered, source = _prepare(sort_spatially(mesh), options, None)
+        ordered, source = _prepare(sort_spatially(mesh), options)
         geometry = empty_patch_geometry(mesh.vertex_count, options.highest_total_degree)
         found = _estimate(mesh, ordered, source, options, lambda _: None, geometry, progress=progress)
     return cast("PatchGeometry", found)
@@ -225,17 +273,18 @@ def geometry_where(mesh: PreparedMesh, select: Callable[[float | None], BoolArra
     with first_call():
         # sorting does not pay if few vertices are selected
         ordered = identity_order(mesh) if has_locality(mesh.adjacency) else sort_spatially(mesh)
-        ordered, source = _prepare(ordered, FitOptions(), None)
+        ordered, source = _prepare(ordered, FitOptions())
         return _estimate(mesh, ordered, source, FitOptions(), select, empty_geometry(mesh.vertex_count))
 
 
 def _prepare(
-    ordered: SpatialOrder, options: FitOptions, outside: FloatArray | None
+    ordered: SpatialOrder, options: FitOptions, outside: Outside = UNKNOWN_OUTSIDE
 ) -> tuple[SpatialOrder, MeshNeighbourhoods]:
-    """Prepare a mesh, or a point cloud with vectors `outside` (n, 3) that point outwards, and its neighbourhoods."""
+    """Prepare a mesh, or a point cloud whose outside is given, and its neighbourhoods."""
     if not ordered.mesh.face_count:
-        adjacency, planes = point_cloud(ordered.mesh, None if outside is None else outside[ordered.order])
-        return ordered, MeshNeighbourhoods(kernel_mesh(ordered.mesh, adjacency, planes, None, ordered))
+        normals, views = (None if vectors is None else vectors[ordered.order] for vectors in outside)
+        adjacency, planes, nearest = point_cloud(ordered.mesh, normals, views, options.neighbours)
+        return ordered, MeshNeighbourhoods(kernel_mesh(ordered.mesh, adjacency, planes, None, ordered, nearest))
     mesh = prepare_mesh(ordered.mesh)
     ordered = replace(ordered, mesh=mesh)
     if options.is_fixed:
@@ -251,7 +300,7 @@ def _estimate(
     select: Callable[[float | None], BoolArray | None],
     geometry: VertexGeometry,
     *,
-    outside: FloatArray | None = None,
+    outside: Outside = UNKNOWN_OUTSIDE,
     progress: Progress | None = None,
 ) -> VertexGeometry:
     """Estimate the geometry at vertices that `select` chooses by the noise, None if unknown; fills `geometry`.
@@ -260,7 +309,7 @@ def _estimate(
     part of its key, because sums are rounded in that order.
     """
     is_cached = options.is_learned and given.vertex_count <= MAX_CACHED_VERTICES
-    key = cache_key(given.vertices, given.faces, ordered.order, outside, options) if is_cached else None
+    key = cache_key(given.vertices, given.faces, ordered.order, *outside, options) if is_cached else None
     known, whole, measured = look_up_fit(key), None, source.mesh.vertices
     if known is None:
         fit, whole, source, noise_free = _choose(given, ordered, source, options)
@@ -298,7 +347,7 @@ def _choose(
     if whole is not None and given.face_count and not options.robust:
         noise = whole.surface.noise
         # under heavy noise no residual is large
-        is_suspect = options.radius is not None or noise.heavy or _misses_edges(fitted.mesh, fit, noise.sigma)
+        is_suspect = not options.has_rings or noise.heavy or _misses_edges(fitted.mesh, fit, noise.sigma)
         if is_suspect and hides_sharp_edges(prepare_mesh(ordered.mesh), noise):
             surface, hidden_barriers = noise_free_surface(prepare_mesh(given), noise)
             noise_free, hidden_barriers = surface.vertices, hidden_barriers[ordered.order]
@@ -339,7 +388,7 @@ def _fit(
     to be ignored.
     """
     arrays, first = source.smooth_mesh if fit.smooth_normals else source.mesh, ids
-    has_regions = whole is not None and options.radius is None
+    has_regions = whole is not None and options.has_rings
     if whole is not None and has_regions:
         probes = draw_from_mesh(arrays, PROBE_COUNT)
         sampled = np.union1d(whole.centers, probes).astype(np.int32)
@@ -354,35 +403,12 @@ def _fit(
     return replace(choice, parts=tuple(part for part in choice.parts if part.vertices)), fit
 
 
-def _check_normals(normals: ArrayLike | None, mesh: TriangleMesh) -> FloatArray | None:
-    """Check the normals of a point cloud."""
-    if normals is None:
-        return None
-    if mesh.face_count:
-        raise InvalidParameterError("normals: not allowed for a mesh with faces, whose orientation defines the outside")
-    return _vectors(normals, mesh, "normals")
-
-
 def _directions(given: ArrayLike, mesh: TriangleMesh, name: str) -> FloatArray:
     """Unit vectors (n, 3), or zeros, from one for all vertices or one each."""
-    vectors = _vectors(given, mesh, name, one_for_all=True)
+    vectors = check_vectors(given, mesh, name, one_for_all=True)
     vectors = vectors / np.maximum(np.abs(vectors).max(axis=-1, keepdims=True), MIN_NEIGHBOURHOOD_WIDTH)
     vectors /= np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), MIN_NEIGHBOURHOOD_WIDTH)
     return np.broadcast_to(vectors, mesh.vertices.shape)
-
-
-def _vectors(given: ArrayLike, mesh: TriangleMesh, name: str, *, one_for_all: bool = False) -> FloatArray:
-    """Check vectors at the vertices of a mesh."""
-    try:
-        vectors = np.asarray(given, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InvalidParameterError(f"{name}: expected real numbers of shape (n, 3); {error}") from None
-    fits = vectors.shape == mesh.vertices.shape or (one_for_all and vectors.shape == (3,))
-    if not fits or not np.isfinite(vectors).all():
-        raise InvalidParameterError(
-            f"{name}: got shape {vectors.shape}, expected finite numbers of shape {mesh.vertices.shape}"
-        )
-    return vectors
 
 
 def _clear(geometry: VertexGeometry, rows: BoolArray) -> None:

@@ -1,7 +1,8 @@
 """Point clouds as scanners and their programs write them: PCD, PTS, PTX, XYZ and E57 files.
 
 Coordinates stay in double precision, with their offset. Points that a scanner has not measured are left out, and their
-number is noted. Intensities become the column ``bz_intensity``.
+number is noted. Intensities become the column ``bz_intensity``, and the places of the scanner, where files have them,
+the columns ``bz_viewpoint_x`` to ``_z``.
 """
 
 from collections.abc import Iterable, Iterator
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 
 from bezier_filters.arrays import FloatArray
 from bezier_filters.errors import FieldFileError
-from bezier_filters.fields import AXES, NORMAL_COLUMNS
+from bezier_filters.fields import AXES, NORMAL_COLUMNS, VIEWPOINT_COLUMNS
 from bezier_filters.files.data_tables import cloud_of_columns, header_names
 from bezier_filters.files.mesh_data import COLOR_COLUMNS, MeshData
 from bezier_filters.runtime.extras import import_extra
@@ -72,7 +73,7 @@ def read_pts(path: Path) -> MeshData:
 
 def read_ptx(path: Path) -> MeshData:
     """Read the scans of a PTX file: two numbers of points, a pose, and rows in the frame of the scanner."""
-    lines, scans = _text_lines(path), []
+    lines, scans, places = _text_lines(path), [], []
     for line in lines:
         try:
             count = int(line) * int(next(lines))
@@ -85,11 +86,13 @@ def read_ptx(path: Path) -> MeshData:
         measured = rows[rows[:, :3].any(axis=1)]
         measured[:, :3] = measured[:, :3] @ pose[:3, :3] + pose[3, :3]
         scans.append((measured, count - len(measured)))
+        places.append(np.tile(pose[3, :3], (len(measured), 1)))
     if not scans:
         raise FieldFileError(f"{path} has no scans")
     if len({rows.shape[1] for rows, _ in scans}) > 1:
         raise FieldFileError(f"{path} has scans with different columns")
-    data = _cloud_of_rows(path, np.concatenate([rows for rows, _ in scans]))
+    viewpoints = dict(zip(VIEWPOINT_COLUMNS, np.concatenate(places).T, strict=True))
+    data = _cloud_of_rows(path, np.concatenate([rows for rows, _ in scans]), more=viewpoints)
     return _note_missing(data, sum(missing for _, missing in scans))
 
 
@@ -123,7 +126,19 @@ def read_pcd(path: Path) -> MeshData:
             columns |= {channel: (bits >> shift) & 255 for channel, shift in zip(_RGB, (16, 8, 0), strict=True)}
         elif count == 1:
             columns[name] = table[key][:, 0]
+    place = _numbers(header.get("VIEWPOINT", []))[:3]
+    if len(place) == len(AXES) and any(place):  # all 0, as most programs write, says nothing
+        columns |= {name: np.full(len(table), value) for name, value in zip(VIEWPOINT_COLUMNS, place, strict=True)}
     return _cloud_of_measured(path, columns)
+
+
+def _numbers(words: list[str]) -> list[float]:
+    """Words as numbers; none if one of them is not a finite number."""
+    try:
+        values = list(map(float, words))
+    except ValueError:
+        return []
+    return values if np.isfinite(values).all() else []
 
 
 def _pcd_table(body: bytes, kind: str, dtype: np.dtype[Any], count: int) -> NDArray[Any]:
@@ -190,12 +205,16 @@ def read_e57(path: Path) -> MeshData:
         scans = [
             file.read_scan(k, intensity=True, colors=True, ignore_missing_fields=True) for k in range(file.scan_count)
         ]
+        for k, scan in enumerate(scans):
+            if (head := file.get_header(k)).has_pose():
+                places = zip(VIEWPOINT_COLUMNS, head.translation, strict=True)
+                scan |= {name: np.full(len(scan["cartesianX"]), value) for name, value in places}
     except Exception as error:  # the library raises its own types and bare ones
         raise FieldFileError(f"{path} is no readable E57 file: {error}") from error
     if not scans:
         raise FieldFileError(f"{path} has no scans")
     names = {f"cartesian{axis.upper()}": axis for axis in AXES} | {"intensity": "intensity"}
-    names |= {f"color{name.capitalize()}": name for name in _RGB}
+    names |= {f"color{name.capitalize()}": name for name in _RGB} | {name: name for name in VIEWPOINT_COLUMNS}
     shared = [name for name in names if all(name in scan for scan in scans)]
     return _cloud_of_measured(path, {names[name]: np.concatenate([scan[name] for scan in scans]) for name in shared})
 
@@ -224,8 +243,10 @@ def _table(path: Path, lines: Iterator[str]) -> FloatArray:
         raise FieldFileError(f"{path} has a faulty row: {error}") from error
 
 
-def _cloud_of_rows(path: Path, rows: FloatArray, names: tuple[str, ...] = ()) -> MeshData:
-    """Points of rows of numbers, with names of the columns or by their number."""
+def _cloud_of_rows(
+    path: Path, rows: FloatArray, names: tuple[str, ...] = (), more: dict[str, FloatArray] | None = None
+) -> MeshData:
+    """Points of rows of numbers, with names of the columns or by their number, and of more columns."""
     count = rows.shape[1]
     if not names and count == 6:
         lengths = np.linalg.norm(rows[:, 3:], axis=1)
@@ -235,7 +256,7 @@ def _cloud_of_rows(path: Path, rows: FloatArray, names: tuple[str, ...] = ()) ->
     if len(names) != count:
         expected = f"{len(names)} names" if names else "3, 4, 6, 7 or 9"
         raise FieldFileError(f"{path} has rows of {count} numbers, expected {expected}")
-    return _cloud_of_measured(path, dict(zip(names, rows.T, strict=True)))
+    return _cloud_of_measured(path, dict(zip(names, rows.T, strict=True)) | (more or {}))
 
 
 def _cloud_of_measured(path: Path, columns: dict[str, NDArray[Any]]) -> MeshData:

@@ -31,8 +31,8 @@ MIN_VOTES = 2  # of the corners of a triangle that have it in their tangent plan
 MIN_NEIGHBOURS = 2  # adjacent faces of a triangle with fewer votes, which fills a gap
 
 
-def cloud_surface(cloud: TriangleMesh) -> PreparedMesh:
-    """A point cloud with faces between its points.
+def cloud_surface(cloud: TriangleMesh, given: FloatArray | None = None) -> PreparedMesh:
+    """A point cloud with faces between its points, which look to the side of `given` normals (n, 3) as `point_cloud`.
 
     >>> from bezier_filters.meshes.mesh import triangle_mesh
     >>> from bezier_filters.surfaces import sphere
@@ -43,7 +43,7 @@ def cloud_surface(cloud: TriangleMesh) -> PreparedMesh:
     """
     ordered = sort_spatially(cloud)
     mesh = ordered.mesh
-    adjacency, planes = point_cloud(mesh)
+    adjacency, planes, _ = point_cloud(mesh, None if given is None else given[ordered.order])
     arrays = kernel_mesh(mesh, adjacency, planes)
     source, options, geometry = MeshNeighbourhoods(arrays), FitOptions(), empty_geometry(mesh.vertex_count)
     fit, whole = choose_fit(source, options)
@@ -53,7 +53,7 @@ def cloud_surface(cloud: TriangleMesh) -> PreparedMesh:
         ids: IntArray = np.arange(mesh.vertex_count, dtype=np.int32)
         fit_with_fallbacks(arrays, ids, fit.attempts, geometry, robust=fit.robust)
         points, normals = arrays.vertices + geometry.displacements, geometry.normals
-        adjacency, planes = point_cloud(TriangleMesh(points, mesh.faces), normals)
+        adjacency, planes, _ = point_cloud(TriangleMesh(points, mesh.faces), normals)
         normals = planes.normals
     faces = ordered.order[triangulate_cloud(points, adjacency, normals)]
     return prepare_mesh(TriangleMesh(cloud.vertices, faces.astype(np.int32)))
@@ -65,7 +65,7 @@ def triangulate_cloud(points: FloatArray, adjacency: Adjacency, normals: FloatAr
     >>> from bezier_filters.fitting.point_cloud import point_cloud
     >>> from bezier_filters.meshes.mesh import triangle_mesh
     >>> kite = triangle_mesh([[0, 0, 0], [1, 0, 0], [2, 2, 0], [0, 1, 0]], [])
-    >>> adjacency, planes = point_cloud(kite)
+    >>> adjacency, planes, _ = point_cloud(kite)
     >>> triangulate_cloud(kite.vertices, adjacency, planes.normals).tolist()
     [[0, 1, 3], [1, 2, 3]]
     """

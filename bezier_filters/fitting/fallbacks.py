@@ -21,6 +21,7 @@ from bezier_filters.kernels.kernel_input import (
     VertexResults,
     hubs,
     prepare_kernel_mesh,
+    use_nearest_points,
     use_smoothed_normals,
 )
 from bezier_filters.meshes.diagnosis import MIN_FIT_POINTS
@@ -69,24 +70,26 @@ class FitAttempt:
     ignores_barriers: bool = False  # whether the neighbourhood may reach across sharp edges
     fewest_points: int = 0  # fewer points count as ill posed
     radius: float | None = None  # of the ball that is the neighbourhood, a length
+    nearest: bool = False  # whether the neighbourhood are the nearest points, which are its only ring
 
 
 def fallback_chain(
-    rings: int, fit: PatchFit, radius: float | None = None, fallbacks: Fallbacks = "sound"
+    rings: int, fit: PatchFit, radius: float | None = None, fallbacks: Fallbacks = "sound", *, nearest: bool = False
 ) -> Iterator[FitAttempt]:
     """The requested fit and its fallbacks, as in the paper or with a well-posed quadratic on 1-rings.
 
     Too few or badly placed points take a wider ring; a folded projection takes another plane,
     then the 1-ring. The remaining vertices are fitted by a quadratic, because the paper's system is
     singular on 1-rings of six neighbours or fewer. If there is a radius, its ball is tried before
-    the rings.
+    the rings; so are the nearest points.
     """
     ill_posed, folded = frozenset({ILL_POSED}), frozenset({FOLDED_OVER})
-    yield FitAttempt(FitStatus.OK, frozenset({UNTRIED}), rings, fit, radius=radius)
+    yield FitAttempt(FitStatus.OK, frozenset({UNTRIED}), rings, fit, radius=radius, nearest=nearest)
     for more in range(1, MAX_EXTRA_RINGS + 1):
         yield FitAttempt(FitStatus.WIDER_RING, ill_posed, rings + more, fit)
     paper = fallbacks == "paper"
-    yield FitAttempt(FitStatus.OTHER_PLANE, folded, rings, fit, mean_plane=not paper, other_plane=paper, radius=radius)
+    other = FitAttempt(FitStatus.OTHER_PLANE, folded, rings, fit, mean_plane=not paper, other_plane=paper)
+    yield replace(other, radius=radius, nearest=nearest)
     if paper:
         yield FitAttempt(FitStatus.ONE_RING, folded, 1, fit)
         yield FitAttempt(FitStatus.LOWER_DEGREE, ill_posed, 1, QUADRATIC)
@@ -107,7 +110,12 @@ def last_resorts(rings: int) -> Iterator[FitAttempt]:
 
 
 def spec_chain(
-    specs: Sequence[FitSpec], chosen: FitSpec, radius: float | None = None, *, is_smoothed: bool = False
+    specs: Sequence[FitSpec],
+    chosen: FitSpec,
+    radius: float | None = None,
+    *,
+    nearest: bool = False,
+    is_smoothed: bool = False,
 ) -> Iterator[FitAttempt]:
     """The chosen specification and its fallbacks: narrower rings where it folds, wider ones where it is ill posed.
 
@@ -115,6 +123,7 @@ def spec_chain(
     the mean plane and tolerate a few flipped normals. Where noise flips more, they follow normals averaged over
     neighbours before they become narrower, unless all normals are averaged (`is_smoothed`). If there is a radius, the
     chosen specification belongs to its ball; the rings tried after a ball have few points, which get equal weights.
+    The same holds for a number of nearest points.
     """
     ill_posed, folded = frozenset({ILL_POSED}), frozenset({FOLDED_OVER})
 
@@ -132,14 +141,16 @@ def spec_chain(
             fewest_points=fewest,
         )
 
-    fewest = int(MIN_POINT_FRACTION * chosen.points) if radius is None else 0
-    yield replace(spec_attempt(FitStatus.OK, frozenset({UNTRIED}), chosen.rings, chosen, fewest), radius=radius)
+    has_rings = radius is None and not nearest
+    fewest = int(MIN_POINT_FRACTION * chosen.points) if has_rings else 0
+    first = spec_attempt(FitStatus.OK, frozenset({UNTRIED}), 1 if nearest else chosen.rings, chosen, fewest)
+    first = replace(first, radius=radius, nearest=nearest)
+    yield first
     if chosen.normal_noise > 0.0 and not is_smoothed:
-        smoothed = spec_attempt(FitStatus.OTHER_PLANE, folded, chosen.rings, chosen, fewest)
-        yield replace(smoothed, radius=radius, smooth_normals=True)
+        yield replace(first, status=FitStatus.OTHER_PLANE, after=folded, smooth_normals=True)
     for spec in sorted((spec for spec in specs if spec.rings < chosen.rings), key=lambda spec: -spec.rings):
         yield spec_attempt(FitStatus.NARROWER_RING, folded, spec.rings, spec)
-    narrowest, wider = (chosen.rings, chosen) if radius is None else (1, replace(chosen, weight_radius=np.inf))
+    narrowest, wider = (chosen.rings, chosen) if has_rings else (1, replace(chosen, weight_radius=np.inf))
     for more in range(1, MAX_EXTRA_RINGS + 1):
         yield spec_attempt(
             FitStatus.WIDER_RING, ill_posed, narrowest + more, wider, fewest if more < MAX_EXTRA_RINGS else 0
@@ -233,6 +244,8 @@ def _run(
         return _run_without_crossings(attempt, mesh, ids, geometry, robust, progress)
     if attempt.smooth_normals:
         mesh = use_smoothed_normals(mesh)
+    if attempt.nearest:
+        mesh = use_nearest_points(mesh)
     if attempt.ignores_barriers:
         mesh = mesh._replace(barriers=hubs(mesh.ring_ptr))
     outcomes = np.empty(len(ids), dtype=np.int8)

@@ -6,7 +6,7 @@ density. Along scan lines, where these lie much farther apart in one direction, 
 neighbours, too. So every algorithm that needs only vertex neighbours works on point clouds.
 """
 
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -36,12 +36,30 @@ MIN_OCCLUSION_COSINE = np.cos(np.radians(15.0))  # between the directions to two
 MIN_VARIANCE_RATIO = 1e-12  # of the second to the first principal variance; below it points are collinear
 MAX_DISTANCE_RATIO = 3.0  # of the distance of a neighbour to the distance that contains its own nearest points
 QUERY_CHUNK = 1 << 22  # candidates that are looked up at a time
+# cosine between normal and view from which on a point tells the side of its sheet: planes of sheets that are nearer to
+# each other than their points are some 30 degrees wrong at most; with 0.25 and 0.7 the plates of the tests are the same
+MIN_VIEW_COSINE = 0.5
+MIN_SHEET_POINTS = 3  # points of a side among the nearest ones, as many as have a plane; fewer are errors of planes
+OPPOSITE_FACTOR = 4  # nearest points, over a wanted number, among which those of the same side are; half of two sheets
 NO_POINT = -1  # in place of a candidate that is none
 COCIRCULARITY_TOLERANCE = 1e-6  # relative; all points of one empty circle become neighbours
 Candidates: TypeAlias = tuple[IntArray, IntArray]  # some points (m,) and their candidates (m, k), nearest first
 
 
-def point_cloud(mesh: TriangleMesh, normals: FloatArray | None = None) -> tuple[Adjacency, TangentPlanes]:
+class PointCloud(NamedTuple):
+    """The neighbours and tangent planes of points."""
+
+    adjacency: Adjacency
+    planes: TangentPlanes
+    nearest: Rows | None = None  # nearest points of each, without itself, if a number of them is wanted
+
+
+def point_cloud(
+    mesh: TriangleMesh,
+    normals: FloatArray | None = None,
+    views: FloatArray | None = None,
+    count: int | None = None,
+) -> PointCloud:
     """Adjacency and tangent planes of the vertices of a mesh, whose faces are ignored.
 
     Planes are least-squares planes of the nearest points (Hoppe et al., "Surface reconstruction from unorganized
@@ -49,22 +67,32 @@ def point_cloud(mesh: TriangleMesh, normals: FloatArray | None = None) -> tuple[
     get zero normals; so do the points of a curve. Normals are oriented by the sign of `normals` (n, 3), of any length;
     where these are zero, by `orient_normals`. Points whose given normals are opposite lie on other sides of a wall, and
     are no neighbours.
+
+    Instead of normals, there may be `views` (n, 3): unit vectors in whose directions the points were seen from, zero
+    where unknown. They orient the normals, and points that were seen from opposite sides are no neighbours.
+
+    With a `count`, planes are those of as many nearest points, of which the point itself is one; the other ones are
+    listed.
     """
     first, place_of = _distinct(mesh.vertices)
     points = mesh.vertices[first]
-    given = None if normals is None else normals[first]
-    groups, reach = _nearest(points, given)
-    planes = np.zeros((len(points), 3))
-    for rows, nearest in groups:
-        planes[rows] = _least_squares_normals(points, rows, nearest)
+    given, seen = (None if vectors is None else vectors[first] for vectors in (normals, views))
+    sides = given if seen is None else _sides(points, seen)
+    groups, reach = _nearest(points, sides)
+    planes = _planes(points, groups)
+    counted = None
+    if count is not None:
+        counted = _counted_nearest(points, count - 1, sides)
+        planes = _planes(points, counted)
     neighbours, on_boundary = _neighbours(points, groups, reach, planes)
-    planes = orient_normals(points, planes, neighbours, given)[place_of]
+    planes = orient_normals(points, planes, neighbours, given, seen)[place_of]
     if normals is not None:
         inward = np.einsum("ij,ij->i", planes, normals) < 0.0
         planes[inward] *= -1.0
     no_faces = Rows(np.zeros(mesh.vertex_count + 1, np.int32), np.empty(0, np.int32))
     adjacency = Adjacency(no_faces, _expand_to_points(neighbours, first, place_of), on_boundary[place_of])
-    return adjacency, TangentPlanes(planes, np.full(mesh.vertex_count, 2.0, np.float32))
+    listed = None if counted is None else _expand_to_points(_rows_of(counted), first, place_of)
+    return PointCloud(adjacency, TangentPlanes(planes, np.full(mesh.vertex_count, 2.0, np.float32)), listed)
 
 
 def _distinct(points: FloatArray) -> tuple[IntArray, IntArray]:
@@ -118,6 +146,61 @@ def _nearest(points: FloatArray, normals: FloatArray | None) -> tuple[list[Candi
             open_rows.append(rows[~is_done])
         left, count = np.concatenate(open_rows), min(2 * count, n - 1, MAX_CANDIDATE_COUNT)
     return [group for group in groups if len(group[0])], reach
+
+
+def _counted_nearest(points: FloatArray, count: int, normals: FloatArray | None) -> list[Candidates]:
+    """The nearest `count` points of every point, or all; with normals, those whose normals are not opposite."""
+    n = len(points)
+    count = max(min(count, n - 1), 0)
+    asked = count if normals is None else min(OPPOSITE_FACTOR * count, n - 1)
+    every, groups, tree = np.arange(n, dtype=np.int32), [], cKDTree(points) if n else None
+    for rows in np.array_split(every, max(1, n * asked // QUERY_CHUNK)):
+        if tree is None or not asked:
+            groups.append((rows, np.empty((len(rows), 0), dtype=np.int32)))
+            continue
+        _, nearest = tree.query(points[rows], k=np.arange(2, asked + 2), workers=thread_count())
+        nearest = np.ascontiguousarray(nearest, dtype=np.int32)
+        if normals is not None:
+            is_opposite = np.einsum("ij,ikj->ik", normals[rows], normals[nearest]) < 0.0
+            is_opposite |= np.cumsum(~is_opposite, axis=1) > count
+            nearest[is_opposite] = NO_POINT
+            first = np.argsort(is_opposite, axis=1, kind="stable")[:, :count]
+            nearest = np.ascontiguousarray(np.take_along_axis(nearest, first, axis=1))
+        groups.append((rows, nearest))
+    return groups
+
+
+def _rows_of(groups: list[Candidates]) -> Rows:
+    """Candidates of all points in order as rows."""
+    nearest = np.concatenate([columns for _, columns in groups])
+    indptr = np.append(0, np.cumsum((nearest != NO_POINT).sum(axis=1))).astype(np.int32)
+    return Rows(indptr, nearest[nearest != NO_POINT])
+
+
+def _planes(points: FloatArray, groups: list[Candidates]) -> FloatArray:
+    """Unit normals, of any sign, of the least-squares planes of all points; zero without a plane."""
+    planes = np.zeros((len(points), 3))
+    for rows, nearest in groups:
+        planes[rows] = _least_squares_normals(points, rows, nearest)
+    return planes
+
+
+def _sides(points: FloatArray, views: FloatArray) -> FloatArray:
+    """Normals (n, 3) towards the views, zero where a point was seen at grazing angle.
+
+    The planes are those of points seen from the same side as this one, whatever their sheet: a sheet that was seen from
+    two places is not divided, and another one close behind it does not turn its planes. A side that fewer than
+    `MIN_SHEET_POINTS` of the nearest points and the point itself have is none.
+    """
+    planes = _planes(points, _nearest(points, views)[0])
+    cosines = np.einsum("ij,ij->i", planes, views)
+    sides = np.where((np.abs(cosines) >= MIN_VIEW_COSINE)[:, np.newaxis], planes * np.sign(cosines)[:, np.newaxis], 0.0)
+    result = np.zeros_like(sides)
+    for rows, nearest in _counted_nearest(points, CANDIDATE_COUNT, None):
+        agreement = np.einsum("ij,ikj->ik", sides[rows], sides[nearest])
+        is_sheet = (agreement > 0.0).sum(axis=1) + 1 >= MIN_SHEET_POINTS
+        result[rows[is_sheet]] = sides[rows[is_sheet]]
+    return result
 
 
 def _principal_axes(points: FloatArray, rows: IntArray, nearest: IntArray) -> tuple[FloatArray, FloatArray]:

@@ -1,7 +1,8 @@
 """Chooses the fit of a surface from sampled neighbourhoods.
 
 The choice follows from a `SurfaceModel` of samples alone, so that the vertices may be fitted all together or in tiles.
-The neighbourhoods are rings of edges, or balls of one radius, a scale that does not depend on the sampling.
+The neighbourhoods are rings of edges, balls of one radius, a scale that does not depend on the sampling, or in point
+clouds a number of nearest points.
 """
 
 from dataclasses import dataclass, replace
@@ -15,6 +16,7 @@ from bezier_filters.noise.noise_model import NoiseModel
 from bezier_filters.patches.patch_fit import DEGREES, PatchFit
 from bezier_filters.sampling.ring_analysis import MIN_SAMPLES
 from bezier_filters.surface_model.fit_options import FitOptions
+from bezier_filters.surface_model.fit_spec import FitSpec
 from bezier_filters.surface_model.learn import (
     CANDIDATE_RINGS,
     explain_unknown_surface,
@@ -23,7 +25,7 @@ from bezier_filters.surface_model.learn import (
 )
 from bezier_filters.surface_model.model_tree import Leaf, Tree
 
-RADIUS_SAMPLES = 150  # neighbourhoods whose radius is measured
+SIZE_SAMPLES = 150  # neighbourhoods whose radius or number of points is measured
 DENSE_OUTLIER_SHARE = 0.1  # share of outliers from which on they flip normals everywhere, as heavy noise does
 
 
@@ -49,8 +51,8 @@ def choose_fit(source: Neighbourhoods, options: FitOptions) -> tuple[SurfaceFit,
     The fit is robust if there are outliers, unless `robust` is given. The second result is the surface
     model, to which regions may be added; None if nothing was learned, or all parameters are given.
     """
-    if options.radius is not None:
-        return _choose_ball_fit(source, options)
+    if not options.has_rings:
+        return _choose_sized_fit(source, options)
     learned = learn_without_outliers(source, options) if options.is_learned else None
     whole = None if learned is None else learned.limit(options)
     robust = bool(options.robust)
@@ -76,33 +78,37 @@ def choose_fit(source: Neighbourhoods, options: FitOptions) -> tuple[SurfaceFit,
     ), None
 
 
-def _choose_ball_fit(source: Neighbourhoods, options: FitOptions) -> tuple[SurfaceFit, Leaf | None]:
-    """Choose the fit to the balls of a radius around all vertices.
+def _choose_sized_fit(source: Neighbourhoods, options: FitOptions) -> tuple[SurfaceFit, Leaf | None]:
+    """Choose the fit to the balls of a radius around all vertices, or to a number of nearest points.
 
-    If the patch is open, it is the best one for the rings of about this radius.
+    If the patch is open, it is the best one for the rings of about this radius, or number of points.
     """
-    radius, robust = options.radius or 0.0, bool(options.robust)
-    leaf = None if options.is_fixed else _learn_balls(source.clean if robust else source, options)
+    radius, nearest, robust = options.radius, options.neighbours is not None, bool(options.robust)
+    leaf = None if options.is_fixed else _learn_sized(source.clean if robust else source, options)
     if leaf is not None:
         noise = leaf.surface.noise
-        choice = _add_noise(FitChoice(0, leaf.chosen.degree, None, None, radius=radius), noise)
-        attempts = tuple(spec_chain(leaf.specs, leaf.chosen, radius, is_smoothed=noise.heavy))
+        choice = FitChoice(0, leaf.chosen.degree, None, None, radius=radius, neighbours=options.neighbours)
+        choice = _add_noise(choice, noise)
+        attempts = tuple(spec_chain(leaf.specs, leaf.chosen, radius, nearest=nearest, is_smoothed=noise.heavy))
         return SurfaceFit(choice, attempts, noise.heavy, robust), leaf
     fit = options.patch or patch_of_degrees(options.degrees)
-    choice = FitChoice(0, fit.degree, fit.alpha, None, radius=radius)
+    choice = FitChoice(0, fit.degree, fit.alpha, None, radius=radius, neighbours=options.neighbours)
     if options.is_learned:
         choice = replace(choice, noise_reason=explain_unknown_surface(source))
-    return SurfaceFit(choice, tuple(fallback_chain(1, fit, radius)), robust=robust), None
+    return SurfaceFit(choice, tuple(fallback_chain(1, fit, radius, nearest=nearest)), robust=robust), None
 
 
-def _learn_balls(source: Neighbourhoods, options: FitOptions) -> Leaf | None:
-    """Learn the surface; the chosen specification belongs to the ring whose radius is nearest to the given one."""
-    radius = options.radius or 0.0
-    leaf = learn_surface(source, replace(options, rings=_nearest_rings(source, radius)))
+def _learn_sized(source: Neighbourhoods, options: FitOptions) -> Leaf | None:
+    """Learn the surface; the chosen specification belongs to the ring whose size is nearest to the given one."""
+    in_rings = replace(options, radius=None, neighbours=None)
+    leaf = learn_surface(source, replace(in_rings, rings=_nearest_rings(source, options)))
     if leaf is None:
         return None
-    nearest = min(leaf.specs, key=lambda spec: abs(spec.radius - radius))
-    return leaf.limit(replace(options, rings=nearest.rings))
+
+    def difference(spec: FitSpec) -> float:
+        return abs(spec.points - options.neighbours if options.neighbours else spec.radius - (options.radius or 0.0))
+
+    return leaf.limit(replace(in_rings, rings=min(leaf.specs, key=difference).rings))
 
 
 def patch_of_degrees(degrees: tuple[int, ...]) -> PatchFit:
@@ -117,17 +123,24 @@ def _add_noise(choice: FitChoice, noise: NoiseModel | None) -> FitChoice:
     return replace(choice, noise_sigma=noise.sigma, noise_length=noise.length, noise_heavy=noise.heavy)
 
 
-def _nearest_rings(source: Neighbourhoods, radius: float) -> int:
-    """Number of rings whose median radius is nearest to a length, among the rings that can be analysed."""
-    sample = source.sample(source.draw(RADIUS_SAMPLES), max(CANDIDATE_RINGS), "plain")
+def _nearest_rings(source: Neighbourhoods, options: FitOptions) -> int:
+    """Number of rings whose median radius, or number of points, is nearest to the given one.
+
+    It is one of the rings that can be analysed.
+    """
+    sample = source.sample(source.draw(SIZE_SAMPLES), max(CANDIDATE_RINGS), "plain")
     distances = np.sqrt(np.square(sample.points[..., :2]).sum(axis=2))
     best, smallest = 1, np.inf
     for rings in range(1, sample.sizes.shape[1]):
         usable = sample.usable[:, rings]
         if usable.sum() < MIN_SAMPLES:
             break
-        within = np.arange(distances.shape[1]) < sample.sizes[usable, rings, np.newaxis]
-        difference = abs(float(np.median((distances[usable] * within).max(axis=1))) - radius)
+        sizes = sample.sizes[usable, rings]
+        if options.neighbours is not None:
+            difference = abs(float(np.median(sizes)) - options.neighbours)
+        else:
+            within = np.arange(distances.shape[1]) < sizes[:, np.newaxis]
+            difference = abs(float(np.median((distances[usable] * within).max(axis=1))) - (options.radius or 0.0))
         if difference < smallest:
             best, smallest = rings, difference
     return best

@@ -56,7 +56,8 @@ class FitChoice:
     Attributes
     ----------
     rings : int
-        Size of the neighbourhood in edges; some vertices may have needed another one. 0 if there is a `radius`.
+        Size of the neighbourhood in edges; some vertices may have needed another one. 0 if there is a `radius`, or a
+        number of `neighbours`.
     degree : int
         Degree of the patch, or total degree of the polynomial where `alpha` is None.
     alpha : float or None
@@ -75,6 +76,8 @@ class FitChoice:
     noise_reason : str
         Why the noise could not be learned; empty if it was. Then 2 rings, alpha 0.8 and the requested degree, 4 at
         most, or 3, replace the choices by the data.
+    neighbours : int or None
+        Number of points of the neighbourhoods, the vertex among them; None if these are rings or balls.
     """
 
     rings: int
@@ -86,6 +89,7 @@ class FitChoice:
     noise_length: float | None = field(default=None, metadata=LENGTH)
     noise_heavy: bool = False
     noise_reason: str = ""
+    neighbours: int | None = None
 
     @property
     def noise(self) -> str:
@@ -168,7 +172,8 @@ class VertexGeometry(_DerivedGeometry, TabularResult):
         Standard errors of H, 1/length, and K, 1/length^2. Like `normal_std` they follow from the
         noise and the smoothness that were learned from the mesh, and are 0 where alpha was given.
     rings_used : (n,) int32
-        Number of rings of the neighbourhood that was fitted, or that its ball goes through; 0 where nothing was.
+        Number of rings of the neighbourhood that was fitted, or that its ball goes through, or 1 of a given number of
+        points; 0 where nothing was.
     status : (n,) int32
         `FitStatus` codes.
     fit : FitChoice
@@ -179,6 +184,8 @@ class VertexGeometry(_DerivedGeometry, TabularResult):
     noise_free : (n, 3) float64 or None
         The denoised vertices, as in `smooth` before it restores volumes, if they were needed to find the sharp edges at
         which neighbourhoods end.
+    flipped : int or None
+        Number of points of a cloud whose normals face the wrong side of their viewpoints; None without viewpoints.
     mean_curvature, gaussian_curvature, geodesic_torsion, curvedness, shape_index : (n,) float64
         Derived from `k_min` and `k_max`, whenever they are read.
     torsion_direction_plus, torsion_direction_minus : (n, 3) float64
@@ -204,6 +211,7 @@ class VertexGeometry(_DerivedGeometry, TabularResult):
     fit: FitChoice
     condition_number: FloatArray | None = None
     noise_free: FloatArray | None = field(default=None, metadata=LENGTH)
+    flipped: int | None = None
     mean_curvature: FloatArray = field(init=False, metadata=CURVATURE)
     gaussian_curvature: FloatArray = field(init=False, metadata=SQUARED_CURVATURE)
     geodesic_torsion: FloatArray = field(init=False, metadata=CURVATURE)
@@ -394,9 +402,10 @@ def empty_geometry(n: int) -> VertexGeometry:
     scalars += ["mean_curvature_std", "gaussian_curvature_std"]
     block = np.zeros((3 * len(vectors) + len(scalars)) * n)
     of_vectors, of_scalars = np.split(block, [3 * len(vectors) * n])
+    arrays: dict[str, Any] = dict(zip(vectors, of_vectors.reshape(len(vectors), n, 3), strict=True))
+    arrays |= dict(zip(scalars, of_scalars.reshape(len(scalars), n), strict=True))
     return VertexGeometry(
-        **dict(zip(vectors, of_vectors.reshape(len(vectors), n, 3), strict=True)),
-        **dict(zip(scalars, of_scalars.reshape(len(scalars), n), strict=True)),
+        **arrays,
         rings_used=np.zeros(n, dtype=np.int32),
         status=np.full(n, int(FitStatus.SKIPPED), dtype=np.int32),
         fit=FitChoice(0, 0, None, None),

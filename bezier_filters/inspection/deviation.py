@@ -314,7 +314,7 @@ def compare(
     distances = np.where(compared, found.distances, 0.0)
     reference_std, excess = found.position_std, _shape_variance(reference, found)
     known = compared & (test.noise is not None) & (reference.geometry.fit.noise_sigma is not None)
-    adjacency = vertex_adjacency(mesh) if mesh.face_count else point_cloud(mesh)[0]
+    adjacency = vertex_adjacency(mesh) if mesh.face_count else point_cloud(mesh).adjacency
     shape, regional_shape = (regional_means(excess, compared, adjacency, k)[0] for k in (1, ring_of_size(region)))
     std = np.where(known, np.sqrt(np.square(test.std) + np.square(reference_std) + shape), 0.0)
     means, counts = regional_means(distances, compared, adjacency, ring_of_size(region))

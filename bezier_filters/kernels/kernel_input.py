@@ -42,6 +42,9 @@ class KernelMesh(NamedTuple):
     barriers: BoolArray  # vertices that neighbourhoods do not extend across: see `collect_ring`
     origin: IntArray  # row of each vertex in the results
     x_axes: FloatArray  # (n, 3): given directions of the x axes of local frames; (0, 3) if the points determine them
+    # rows of the nearest points, for clouds whose neighbourhoods have a given number of points; else empty
+    nearest_ptr: IntArray
+    nearest_indices: IntArray
 
     def mesh_with_adjacency(self) -> PreparedMesh:
         """The mesh and its adjacency."""
@@ -55,8 +58,10 @@ def kernel_mesh(
     planes: TangentPlanes,
     barriers: BoolArray | None = None,
     ordered: SpatialOrder | None = None,
+    nearest: Rows | None = None,
 ) -> KernelMesh:
     """Collect the arrays for the kernels; without `ordered`, vertices have the order of the results."""
+    nearest = Rows(np.empty(0, np.int32), np.empty(0, np.int32)) if nearest is None else nearest
     return KernelMesh(
         mesh.vertices,
         mesh.faces,
@@ -70,6 +75,8 @@ def kernel_mesh(
         hubs(adjacency.vertices.indptr) if barriers is None else barriers | hubs(adjacency.vertices.indptr),
         np.arange(mesh.vertex_count, dtype=np.int32) if ordered is None else ordered.order,
         np.empty((0, 3)),
+        nearest.indptr,
+        nearest.indices,
     )
 
 
@@ -90,6 +97,11 @@ def use_smoothed_normals(mesh: KernelMesh) -> KernelMesh:
     """Replace the normals by averages over neighbours, for noise that makes single normals useless."""
     normals = smooth_normals(mesh.normals, mesh.ring_ptr, mesh.ring_indices, mesh.barriers)
     return mesh._replace(normals=normals, safe_cosine=np.full(len(normals), NO_SAFE_COSINE, dtype=np.float32))
+
+
+def use_nearest_points(mesh: KernelMesh) -> KernelMesh:
+    """Replace the first ring of every vertex by its nearest points."""
+    return mesh._replace(ring_ptr=mesh.nearest_ptr, ring_indices=mesh.nearest_indices)
 
 
 def recompute_barriers(mesh: KernelMesh) -> KernelMesh:

@@ -253,3 +253,26 @@ def _remedy(faces: IntArray) -> str:
     if faces.ndim == 2 and faces.shape[1] > 3:
         return "triangulate polygons first"
     return "a row for each triangle"
+
+
+def check_normals(normals: ArrayLike | None, mesh: TriangleMesh) -> FloatArray | None:
+    """Check the normals of a point cloud; those of meshes with faces are refused."""
+    if normals is None:
+        return None
+    if mesh.face_count:
+        raise InvalidParameterError("normals: not allowed for a mesh with faces, whose orientation defines the outside")
+    return check_vectors(normals, mesh, "normals")
+
+
+def check_vectors(given: ArrayLike, mesh: TriangleMesh, name: str, *, one_for_all: bool = False) -> FloatArray:
+    """Check vectors at the vertices of a mesh."""
+    try:
+        vectors = np.asarray(given, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidParameterError(f"{name}: expected real numbers of shape (n, 3); {error}") from None
+    fits = vectors.shape == mesh.vertices.shape or (one_for_all and vectors.shape == (3,))
+    if not fits or not np.isfinite(vectors).all():
+        raise InvalidParameterError(
+            f"{name}: got shape {vectors.shape}, expected finite numbers of shape {mesh.vertices.shape}"
+        )
+    return vectors

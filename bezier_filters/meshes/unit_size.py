@@ -37,8 +37,8 @@ MAX_UNSCALED_EXPONENT = 48
 def normalizes_size(*lengths: str) -> Callable[[Callable[Parameters, Result]], Callable[Parameters, Result]]:
     """Make a function of vertices and faces scale meshes of extreme size to unit size.
 
-    `lengths` names the other arguments that are lengths. Results, and arguments that are results, are dataclasses
-    with the units of their fields as metadata.
+    `lengths` names the other arguments that are lengths, or arrays of coordinates. Results, and arguments that are
+    results, are dataclasses with the units of their fields as metadata.
 
     >>> import numpy as np
     >>> @normalizes_size("step")
@@ -64,8 +64,8 @@ def normalizes_size(*lengths: str) -> Callable[[Callable[Parameters, Result]], C
             for name, value in bound.arguments.items():
                 if name == "vertices":
                     bound.arguments[name] = real_array(given) * ldexp(1.0, -exponent)
-                elif name in lengths and is_real(value) and value > 0.0:  # others are refused by the function
-                    bound.arguments[name] = value * ldexp(1.0, -exponent)
+                elif name in lengths:
+                    bound.arguments[name] = _scaled(value, -exponent)
                 elif dataclasses.is_dataclass(value):
                     bound.arguments[name] = rescale(value, -exponent)
             return cast("Result", rescale(function(*bound.args, **bound.kwargs), exponent))
@@ -73,6 +73,16 @@ def normalizes_size(*lengths: str) -> Callable[[Callable[Parameters, Result]], C
         return wrapper
 
     return decorate
+
+
+def _scaled(value: Any, exponent: int) -> Any:
+    """A positive length, or real coordinates, times two to a power; others stay, and are refused by the function."""
+    if is_real(value):
+        return value * ldexp(1.0, exponent) if value > 0.0 else value
+    try:
+        return value if value is None else real_array(value) * ldexp(1.0, exponent)
+    except (TypeError, ValueError):
+        return value
 
 
 def size_exponent(vertices: ArrayLike) -> int:

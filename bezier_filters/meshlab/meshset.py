@@ -19,6 +19,7 @@ import pymeshlab
 from bezier_filters.arguments import checks_arguments
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError
+from bezier_filters.fields import VIEWPOINT_COLUMNS
 from bezier_filters.files.filter_scripts import ScriptStep, read_filter_script, script_text
 from bezier_filters.meshes.half_edges import distinct_edges
 from bezier_filters.runtime.atomic import temporary_folder
@@ -82,6 +83,7 @@ class CurrentMesh:
     vertex_normals: FloatArray  # (n, 3): as stored, of any length
     vertex_selection: BoolArray  # (n,)
     face_selection: BoolArray  # (m,)
+    viewpoints: FloatArray | None = None  # (n, 3): places from which the points of a cloud were seen, if it has them
 
     def selection_mask(self) -> BoolArray:
         """Mask (n,) of the selected vertices, or of the vertices of the selected faces; refused if it is empty."""
@@ -128,7 +130,19 @@ def read_current_mesh(ms: MeshSet) -> CurrentMesh:
         vertex_normals=np.array(mesh.vertex_normal_matrix(), dtype=np.float64, order="C"),
         vertex_selection=np.array(mesh.vertex_selection_array(), dtype=np.bool_),
         face_selection=np.array(mesh.face_selection_array(), dtype=np.bool_),
+        viewpoints=_viewpoints(mesh),
     )
+
+
+def _viewpoints(mesh: Mesh) -> FloatArray | None:
+    """The attributes with the viewpoints of a point cloud, (n, 3)."""
+    if mesh.face_number():
+        return None
+    try:
+        columns = [mesh.vertex_custom_scalar_attribute_array(name) for name in VIEWPOINT_COLUMNS]
+    except PyMeshLabException:  # there are none
+        return None
+    return np.ascontiguousarray(np.column_stack(columns), dtype=np.float64)
 
 
 def check_unchanged(ms: MeshSet, mesh: CurrentMesh) -> None:

@@ -30,6 +30,14 @@ def fit_verdict(what: str, geometry: VertexGeometry, mesh: CurrentMesh, mask: Bo
     return {"warnings": found, "remarks": []} if most == FitStatus.FOLDED else {"warnings": [], "remarks": found}
 
 
+def flipped_remarks(geometry: VertexGeometry) -> list[str]:
+    """A remark if normals of a cloud contradict their viewpoints."""
+    if not geometry.flipped:
+        return []
+    known = int(geometry.normals.any(axis=1).sum())
+    return [f"{geometry.flipped:,} of {known:,} normals contradict their viewpoints, to agree with those around them"]
+
+
 def orientation_remarks(mesh: CurrentMesh, topology: Topology) -> list[str]:
     """Remarks about wrong signs of curvatures and normals, by flipped faces or inside-out bodies."""
     is_closed = not topology.counts["boundary_edges"]

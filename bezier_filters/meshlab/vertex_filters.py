@@ -5,7 +5,7 @@ in place on the current mesh, a dict as result. `complete_docstring` completes t
 `fields` and `parameters`.
 """
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from bezier_filters.arrays import BoolArray, FloatArray, Report
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.fields import CURVATURE, GRADE, NORMALS, PREFIX, SMOOTH, TORSION, columns
 from bezier_filters.fitting.vertex_geometry import VertexGeometry
+from bezier_filters.fitting.viewpoints import ViewpointSide
 from bezier_filters.meshlab.direction_columns import Direction, check_direction, direction_columns
 from bezier_filters.meshlab.filter_run import Computed, Output, run_filter
 from bezier_filters.meshlab.mesh_attributes import write_coordinates
@@ -24,7 +25,7 @@ from bezier_filters.meshlab.meshset import (
     checks_filter_arguments,
 )
 from bezier_filters.meshlab.topology import topology_of
-from bezier_filters.meshlab.verdicts import fit_verdict, smoothing_warnings
+from bezier_filters.meshlab.verdicts import fit_verdict, flipped_remarks, smoothing_warnings
 from bezier_filters.parameters import complete_docstring
 from bezier_filters.patches.smoothness import Smoothness
 from bezier_filters.runtime.parallel import Progress
@@ -47,6 +48,9 @@ class FitArguments:
     detail: Length | None
     threads: int | None
     progress: Progress | None
+    neighbours: int | None = None
+    viewpoint: tuple[float, float, float] | FloatArray | None = None
+    viewpoint_side: ViewpointSide = "toward"
 
 
 @checks_filter_arguments
@@ -62,6 +66,9 @@ def compute_normal_by_bezier_patch_per_vertex(
     robust: bool | None = None,
     noise: Length | None = None,
     detail: Length | None = None,
+    neighbours: int | None = None,
+    viewpoint: tuple[float, float, float] | None = None,
+    viewpointside: ViewpointSide = "toward",
     quality: str | None = "angle",
     onselected: bool = False,
     repair: bool = False,
@@ -75,7 +82,8 @@ def compute_normal_by_bezier_patch_per_vertex(
     """Set the vertex normals of the current mesh to those of Bezier patches fitted to its vertices.
 
     The normals have unit length and point to the side from which the faces are counter-clockwise, or
-    in a point cloud to that of the previous normals. Vertices where nothing could be fitted keep theirs.
+    in a point cloud to that of the viewpoint or of the previous normals. Vertices where nothing could be fitted keep
+    theirs.
 
     Examples
     --------
@@ -88,7 +96,21 @@ def compute_normal_by_bezier_patch_per_vertex(
     >>> bool(abs(ms.current_mesh().vertex_normal_matrix() - ms.current_mesh().vertex_matrix()).max() < 1e-3)
     True
     """
-    fit = FitArguments(rings, radius, alpha, degree, smoothness, robust, noise, detail, threads, progress)
+    fit = FitArguments(
+        rings,
+        radius,
+        alpha,
+        degree,
+        smoothness,
+        robust,
+        noise,
+        detail,
+        threads,
+        progress,
+        neighbours,
+        viewpoint,
+        viewpointside,
+    )
     return _run(ms, NORMALS, fit, Output(quality, onselected, color, colormap, percentile, colorrange, repair))
 
 
@@ -105,6 +127,9 @@ def compute_curvature_by_bezier_patch_per_vertex(
     robust: bool | None = None,
     noise: Length | None = None,
     detail: Length | None = None,
+    neighbours: int | None = None,
+    viewpoint: tuple[float, float, float] | None = None,
+    viewpointside: ViewpointSide = "toward",
     direction: tuple[float, float, float] | None = None,
     quality: str | None = "mean",
     onselected: bool = False,
@@ -145,7 +170,21 @@ def compute_curvature_by_bezier_patch_per_vertex(
     >>> result["without_direction"], [name for name in result["attributes"] if "along" in name]
     (0, ['bz_curvature_along'])
     """
-    fit = FitArguments(rings, radius, alpha, degree, smoothness, robust, noise, detail, threads, progress)
+    fit = FitArguments(
+        rings,
+        radius,
+        alpha,
+        degree,
+        smoothness,
+        robust,
+        noise,
+        detail,
+        threads,
+        progress,
+        neighbours,
+        viewpoint,
+        viewpointside,
+    )
     output = Output(quality, onselected, color, colormap, percentile, colorrange, repair)
     return _run(ms, CURVATURE, fit, output, check_direction(direction, quality))
 
@@ -163,6 +202,9 @@ def compute_torsion_by_bezier_patch_per_vertex(
     robust: bool | None = None,
     noise: Length | None = None,
     detail: Length | None = None,
+    neighbours: int | None = None,
+    viewpoint: tuple[float, float, float] | None = None,
+    viewpointside: ViewpointSide = "toward",
     onselected: bool = False,
     repair: bool = False,
     color: bool = False,
@@ -187,7 +229,21 @@ def compute_torsion_by_bezier_patch_per_vertex(
     >>> bool(abs(result["statistics"]["max"] - 0.75) < 0.02)  # inner equator: (1 - (-1/2)) / 2
     True
     """
-    fit = FitArguments(rings, radius, alpha, degree, smoothness, robust, noise, detail, threads, progress)
+    fit = FitArguments(
+        rings,
+        radius,
+        alpha,
+        degree,
+        smoothness,
+        robust,
+        noise,
+        detail,
+        threads,
+        progress,
+        neighbours,
+        viewpoint,
+        viewpointside,
+    )
     return _run(ms, TORSION, fit, Output("torsion", onselected, color, colormap, percentile, colorrange, repair))
 
 
@@ -208,10 +264,11 @@ def _run(ms: MeshSet, name: str, fit: FitArguments, output: Output, direction: D
         report = {
             "status": geometry.status_counts(),
             "fit": asdict(geometry.fit) | {"parts": parts},
+            "flipped": geometry.flipped,
             "mean_edge": mesh.mean_edge(),
             **directed.report,
             **verdict,
-            "remarks": verdict["remarks"] + directed.remarks,
+            "remarks": verdict["remarks"] + directed.remarks + flipped_remarks(geometry),
         }
         return Computed(found, directed.known, report, set_normals if name == NORMALS else lambda: None)
 
@@ -226,9 +283,13 @@ def _run(ms: MeshSet, name: str, fit: FitArguments, output: Output, direction: D
 
 def fit_mesh(mesh: CurrentMesh, mask: BoolArray, fit: FitArguments) -> VertexGeometry:
     """Fit the patches of the vertices in a mask (n,)."""
-    given = vars(fit)
-    lengths = {name: absolute_length(given[name], mesh.vertices, name) for name in ("radius", "noise", "detail")}
+    lengths = {name: absolute_length(getattr(fit, name), mesh.vertices, name) for name in ("radius", "noise", "detail")}
     normals = None if len(mesh.faces) else _finite(mesh.vertex_normals)
+    if normals is not None and fit.viewpoint is None and mesh.viewpoints is not None and not normals.any():
+        fit = replace(fit, viewpoint=mesh.viewpoints)
+    if fit.viewpoint is not None:
+        normals = None
+    given = vars(fit)
     selected = None if mask.all() else mask
     return estimate_vertex_geometry(mesh.vertices, mesh.faces, normals=normals, selected=selected, **given | lengths)
 
@@ -282,7 +343,8 @@ def apply_coord_bezier_patch_smoothing(
     Parameters
     ----------
     ms : pymeshlab.MeshSet
-        Its current mesh; without faces it is a point cloud, whose points move along the normals of its surface.
+        Its current mesh; without faces it is a point cloud, whose points move along the normals of its surface, and
+        where points whose vertex normals are opposite are no neighbours.
     onselected : bool
         Only selected vertices move, or, if there are none, the vertices of the selected faces.
 
@@ -326,6 +388,7 @@ def apply_coord_bezier_patch_smoothing(
             mesh.vertices,
             mesh.faces,
             method,
+            normals=None if len(mesh.faces) else _finite(mesh.vertex_normals),
             iterations=iterations,
             noise=absolute_length(noise, mesh.vertices, "noise"),
             borders=borders,

@@ -115,6 +115,8 @@ def check_tile_options(options: FitOptions) -> None:
     options.check()
     if options.radius is not None:
         raise InvalidParameterError(f"radius: got {options.radius!r}; meshes in tiles have rings only, give rings")
+    if options.neighbours is not None:
+        raise InvalidParameterError(f"neighbours: got {options.neighbours!r}; meshes in tiles have rings, give rings")
     if (options.ring_count or 0) > MAX_TILE_RINGS:
         raise InvalidParameterError(
             f"rings: got {options.rings!r}, expected {MAX_TILE_RINGS} at most for a mesh in tiles"

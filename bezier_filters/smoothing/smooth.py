@@ -16,7 +16,7 @@ from bezier_filters.fitting.fallbacks import fit_patches
 from bezier_filters.fitting.first_call import first_call
 from bezier_filters.fitting.noise_level import explain_unknown_noise, learn_mesh_noise
 from bezier_filters.meshes.half_edges import non_manifold_edge_vertices
-from bezier_filters.meshes.mesh import check_selection, surface_or_points, takes_meshes
+from bezier_filters.meshes.mesh import check_normals, check_selection, surface_or_points, takes_meshes
 from bezier_filters.meshes.mesh_objects import MeshLike
 from bezier_filters.meshes.prepared_mesh import PreparedMesh, longest_edges, prepare_mesh
 from bezier_filters.meshes.spatial_order import ensure_locality
@@ -193,6 +193,7 @@ def smooth(
     faces: ArrayLike | None = None,
     method: SmoothingMethod = "auto",
     *,
+    normals: ArrayLike | None = None,
     iterations: int = 1,
     noise: float | None = None,
     borders: SmoothedBorders = "curve",
@@ -230,6 +231,10 @@ def smooth(
         Triangles, counter-clockwise seen from outside; None or empty for a point cloud.
     method : {"auto", "paper"}
         How to smooth.
+    normals : (n, 3) array_like of float, optional
+        For point clouds only: outward vectors of any length, zero where the outside is unknown. As in
+        `estimate_vertex_geometry`, points with opposite ones are no neighbours, so that two sides of a thin wall are
+        smoothed apart.
     iterations : int
         How many times, at least 1; once is enough for ``"auto"``.
     noise : float, optional
@@ -290,12 +295,13 @@ def smooth(
     is_cloud = not shape.face_count
     if is_cloud and keep_volume:
         raise InvalidParameterError("keep_volume: got True, but a point cloud, without faces, has no volume")
+    outward = check_normals(normals, shape)
     check_smoothing(method, iterations, noise, borders, detail, relax, rings, alpha)
     paper = FitOptions("auto" if rings is None else rings, "auto" if alpha is None else alpha, smoothness="paper")
     paper.check()
     ring_count, fit = cast("int", paper.ring_count), cast("PatchFit", paper.patch)
     with first_call():
-        ordered = ensure_locality(cloud_surface(shape) if is_cloud else prepare_mesh(shape))
+        ordered = ensure_locality(cloud_surface(shape, outward) if is_cloud else prepare_mesh(shape))
     mesh = prepare_mesh(ordered.mesh)
     n = mesh.vertex_count
     check_noise_fits(noise, mesh.vertices)

@@ -14,6 +14,7 @@ from bezier_filters.patches.smoothness import Smoothness
 Automatic = Literal["auto"]
 Fallbacks = Literal["sound", "paper"]
 FoldTest = Literal["angle", "crossings"]
+MAX_NEIGHBOURS = 1000  # points that users may ask for; lists of the nearest points grow with them
 CANDIDATE_DEGREES = (2, 3, 4, 5, 6)
 NEEDS_ALPHA = "fallbacks, fold_test and x_axis are for fits with a number for alpha; give alpha, or none of them"
 
@@ -22,7 +23,7 @@ NEEDS_ALPHA = "fallbacks, fold_test and x_axis are for fits with a number for al
 class FitOptions:
     """Options of a fit: those of `estimate_vertex_geometry`, where each is described.
 
-    Meshes in tiles have no balls: there, `radius` is refused.
+    Meshes in tiles have no balls: there, `radius` is refused. Only point clouds have `neighbours`.
     """
 
     rings: int | Automatic = "auto"
@@ -35,6 +36,7 @@ class FitOptions:
     radius: float | None = None
     fallbacks: Fallbacks = "sound"
     fold_test: FoldTest = "angle"
+    neighbours: int | None = None
 
     def __post_init__(self) -> None:
         """Convert numbers of NumPy, which have no JSON."""
@@ -61,6 +63,7 @@ class FitOptions:
                 raise InvalidParameterError(
                     f"radius: got {self.radius!r} and rings={self.rings!r}; give one of them, not both"
                 )
+        self._check_neighbours()
         is_degree = is_integer(self.degree) and self.degree in CANDIDATE_DEGREES
         if not self.is_fixed and self.degree != "auto" and not is_degree:
             raise InvalidParameterError(f"degree: got {self.degree!r}, expected one of {CANDIDATE_DEGREES}, or 'auto'")
@@ -70,14 +73,15 @@ class FitOptions:
             )
         if not (self.robust is None or isinstance(self.robust, bool)):
             raise InvalidParameterError(f"robust: got {self.robust!r}, expected True, False or None")
-        fixed, size = self.patch, "rings" if self.radius is None else "radius"  # PatchFit checks its own parameters
-        has_size = self.ring_count is not None or self.radius is not None
+        fixed = self.patch  # PatchFit checks its own parameters
+        size = "radius" if self.radius is not None else "neighbours" if self.neighbours is not None else "rings"
+        has_size = self.ring_count is not None or not self.has_rings
         check_noise(self.noise)
         if self.noise is not None and fixed is not None and has_size:
             given = f"{size} and alpha are given"
-            if self.alpha == "auto" and self.radius is not None:
-                given = 'radius is given and smoothness="paper" determines alpha'
-            elif "auto" in (self.alpha, self.rings) and self.radius is None:
+            if self.alpha == "auto" and not self.has_rings:
+                given = f'{size} is given and smoothness="paper" determines alpha'
+            elif "auto" in (self.alpha, self.rings) and self.has_rings:
                 given = 'smoothness="paper" determines rings and alpha'
             raise InvalidParameterError(f"noise: {given}, so the noise has no effect; omit it")
         check_detail(self.detail)
@@ -90,12 +94,37 @@ class FitOptions:
             raise InvalidParameterError(f"fold_test: got {self.fold_test!r}, expected one of {get_args(FoldTest)}")
         if fixed is None and (self.fallbacks != "sound" or self.fold_test != "angle"):
             raise InvalidParameterError(NEEDS_ALPHA)
-        if self.fold_test != "angle" and self.radius is not None:
+        if self.fold_test != "angle" and not self.has_rings:
             raise InvalidParameterError(f"fold_test: got {self.fold_test!r}; that is for rings of meshes with faces")
-        if self.fallbacks != "sound" and self.radius is not None:
+        if self.fallbacks != "sound" and not self.has_rings:
+            given = "a radius" if self.radius is not None else "neighbours"
             raise InvalidParameterError(
-                f"fallbacks: got {self.fallbacks!r} and a radius; the paper's fallbacks need rings"
+                f"fallbacks: got {self.fallbacks!r} and {given}; the paper's fallbacks need rings"
             )
+
+    def _check_neighbours(self) -> None:
+        """Refuse a number of points that is not one, or is given with another size."""
+        if self.neighbours is None:
+            return
+        if not (is_integer(self.neighbours) and 1 <= self.neighbours <= MAX_NEIGHBOURS):
+            raise InvalidParameterError(
+                f"neighbours: got {self.neighbours!r}, expected an integer up to {MAX_NEIGHBOURS}, or None"
+            )
+        for name, value in (("rings", None if self.rings == "auto" else self.rings), ("radius", self.radius)):
+            if value is not None:
+                raise InvalidParameterError(
+                    f"neighbours: got {self.neighbours!r} and {name}={value!r}; give one of them, not both"
+                )
+        least = (self.patch or PatchFit(degree=2)).free_coefficients
+        if self.neighbours < least:
+            raise InvalidParameterError(
+                f"neighbours: got {self.neighbours!r}, where the fit needs {least} points, one of them its own"
+            )
+
+    @property
+    def has_rings(self) -> bool:
+        """Whether neighbourhoods are rings, given or not: neither balls of a radius nor a number of nearest points."""
+        return self.radius is None and self.neighbours is None
 
     @property
     def is_fixed(self) -> bool:
@@ -105,7 +134,7 @@ class FitOptions:
     @property
     def is_learned(self) -> bool:
         """Whether the data choose the patch, or its neighbourhood."""
-        return not self.is_fixed or (self.ring_count is None and self.radius is None)
+        return not self.is_fixed or (self.ring_count is None and self.has_rings)
 
     @property
     def patch(self) -> PatchFit | None:
@@ -118,10 +147,10 @@ class FitOptions:
 
     @property
     def ring_count(self) -> int | None:
-        """The given number of rings; None if the data or a radius determine it."""
+        """The given number of rings; None if the data, a radius or a number of points determine it."""
         if self.rings != "auto":
             return int(self.rings)
-        return 2 if self.smoothness == "paper" and self.radius is None else None
+        return 2 if self.smoothness == "paper" and self.has_rings else None
 
     @property
     def degrees(self) -> tuple[int, ...]:

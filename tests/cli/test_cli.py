@@ -359,6 +359,40 @@ def test_the_noise_is_told_in_words_and_may_be_given(tmp_path):
     assert refused.stderr == "bezier-filters: --noise: got -1.0, expected a length of 0 or more\n"
 
 
+def test_viewpoints_and_numbers_of_neighbours(tmp_path):
+    """Of terrain, seen from below and then, by a script, too."""
+    waves = load(SAMPLES / "waves.ply")
+    land = waves.current_mesh().vertex_matrix()
+    cloud, script = tmp_path / "land.ply", tmp_path / "steps.mlx"
+    points = pymeshlab.MeshSet()
+    points.add_mesh(pymeshlab.Mesh(land))
+    points.save_current_mesh(str(cloud))
+    below = ("--viewpoint", 0, 0, -9)
+    result = run("normals", cloud, tmp_path / "a.ply", *below, "--neighbours", 30, "--save-script", script)
+    assert "normals oriented by viewpoints; 0 contradict them" in result.stdout
+    assert "on 30 nearest points" in result.stdout
+    run("run", script, cloud, tmp_path / "b.ply")
+    run("normals", cloud, tmp_path / "c.ply", *below, "--viewpoint-side", "away")
+    loaded = [load(tmp_path / f"{name}.ply") for name in "abc"]
+    a, b, c = (each.current_mesh().vertex_normal_matrix() for each in loaded)
+    assert (a[:, 2] < 0).all()
+    assert (c[:, 2] > 0).all()
+    np.testing.assert_array_equal(a, b)
+    for options, message in (
+        (("--neighbours", 3), "--neighbours: got 3, where the fit needs 6 points"),
+        (("--neighbours", 30, "--rings", 2), "--neighbours: got 30 and rings=2; give one of them"),
+        (("--viewpoint-side", "away"), "--viewpoint-side: got 'away' without a viewpoint"),
+        (("--viewpoint-side", "up"), "--viewpoint-side: got 'up', expected 'toward' or 'away'"),
+    ):
+        refused = run("normals", cloud, tmp_path / "d.ply", *options)
+        assert refused.returncode == 2
+        assert message in refused.stderr
+    for options in (below, ("--neighbours", 30)):
+        refused = run("normals", SAMPLES / "waves.ply", tmp_path / "d.ply", *options)
+        assert refused.returncode == 2
+        assert f"{options[0]}: " in refused.stderr
+
+
 def test_point_clouds(tmp_path):
     """From a file with points alone to one with curvature and colour, and a picture of it."""
     star = load(SAMPLES / "bumpy_star.ply")

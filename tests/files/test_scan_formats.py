@@ -4,6 +4,7 @@ import subprocess
 import sys
 
 import numpy as np
+import pymeshlab
 import pytest
 
 import bezier_filters as bf
@@ -86,7 +87,35 @@ def test_scans_of_e57_files_are_read(tmp_path):
     }
     file.write_scan_raw(data, translation=OFFSET, rotation=np.array([1.0, 0.0, 0.0, 0.0]))
     file.close()
-    check(bf.load_mesh(tmp_path / "a.e57"), atol=1e-6)
+    check(ms := bf.load_mesh(tmp_path / "a.e57"), atol=1e-6)
+    np.testing.assert_allclose(viewpoints(ms), np.tile(OFFSET, (3, 1)))
+
+
+def viewpoints(ms):
+    """The places from which points were seen, (n, 3)."""
+    mesh = ms.current_mesh()
+    return np.column_stack([mesh.vertex_custom_scalar_attribute_array(f"bz_viewpoint_{axis}") for axis in "xyz"])
+
+
+def test_places_of_scanners_are_read(tmp_path):
+    """In the common frame; two scans of a PTX file have two."""
+    here, there = "4 5 6 1", "-1 0 2 1"
+    scans = [("3\n1\n" + POSE.replace(" ".join(map(str, OFFSET)) + " 1", at) + rows(*LOCAL)) for at in (here, there)]
+    (tmp_path / "two.ptx").write_text("".join(scans), encoding="ascii")
+    seen = bf.load_mesh(tmp_path / "two.ptx")
+    np.testing.assert_array_equal(viewpoints(seen), np.repeat([[4.0, 5.0, 6.0], [-1.0, 0.0, 2.0]], 3, axis=0))
+    (tmp_path / "a.pcd").write_bytes(pcd("binary").replace(b"VIEWPOINT 0 0 0", b"VIEWPOINT 1.5 -2 3"))
+    np.testing.assert_array_equal(viewpoints(bf.load_mesh(tmp_path / "a.pcd")), np.tile([1.5, -2.0, 3.0], (3, 1)))
+    bf.save_mesh(seen, tmp_path / "again.ply")
+    np.testing.assert_array_equal(viewpoints(bf.load_mesh(tmp_path / "again.ply")), viewpoints(seen))
+
+
+@pytest.mark.parametrize("line", [b"VIEWPOINT 0 0 0 1 0 0 0", b"VIEWPOINT x 0 1 1 0 0 0", b"VIEWPOINT nan 0 1 1 0 0 0"])
+def test_a_pcd_file_that_says_nothing_has_no_places(tmp_path, line):
+    (tmp_path / "a.pcd").write_bytes(pcd("binary").replace(b"VIEWPOINT 0 0 0 1 0 0 0", line))
+    check(ms := bf.load_mesh(tmp_path / "a.pcd"))
+    with pytest.raises(pymeshlab.PyMeshLabException):
+        viewpoints(ms)
 
 
 def test_six_columns_are_normals_or_colours(tmp_path):

@@ -1,30 +1,19 @@
 """Points without faces, of surfaces that are known."""
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from bezier_filters import triangle_mesh
 from bezier_filters.arrays import FloatArray
-from bezier_filters.fitting.point_cloud import point_cloud
-from bezier_filters.meshes.adjacency import Adjacency
-from bezier_filters.meshes.frames import TangentPlanes
+from bezier_filters.fitting.point_cloud import PointCloud, point_cloud
 from bezier_filters.surfaces import SampledSurface, ellipsoid, sphere, torus
 
 CLOSED = {"sphere": sphere(jitter=0.3), "ellipsoid": ellipsoid(jitter=0.3), "torus": torus(jitter=0.3)}
 
 
-class Cloud(NamedTuple):
-    """The neighbours and tangent planes of points."""
-
-    adjacency: Adjacency
-    planes: TangentPlanes
-
-
-def cloud_of(points: ArrayLike, normals: FloatArray | None = None) -> Cloud:
+def cloud_of(points: ArrayLike, normals: FloatArray | None = None) -> PointCloud:
     """What is found of points, with given normals (n, 3)."""
-    return Cloud(*point_cloud(triangle_mesh(points, []), normals))
+    return point_cloud(triangle_mesh(points, []), normals)
 
 
 def noisy(surface: SampledSurface, edges: float, seed: int = 0) -> FloatArray:

@@ -99,6 +99,8 @@ def fit_stars(drawn, plan):
         np.zeros(total, dtype=np.bool_),
         np.arange(total, dtype=np.int32),
         np.empty((0, 3)),
+        empty,
+        empty,
     )
     geometry = empty_geometry(total)
     fit_with_fallbacks(mesh, centers, list(spec_chain([plan], plan)), geometry)

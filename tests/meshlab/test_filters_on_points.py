@@ -11,7 +11,7 @@ from bezier_filters.meshlab.vertex_filters import (
     compute_normal_by_bezier_patch_per_vertex,
     compute_torsion_by_bezier_patch_per_vertex,
 )
-from bezier_filters.surfaces import torus
+from bezier_filters.surfaces import torus, waves
 
 
 class TestPointClouds:
@@ -75,3 +75,40 @@ class TestPointClouds:
         assert result["status"].pop("SKIPPED") == (~selected).sum()
         assert sum(result["status"].values()) == selected.sum()
         assert not ms.current_mesh().vertex_scalar_array()[~selected].any()
+
+    @pytest.mark.parametrize(("side", "sign"), [("toward", 1), ("away", -1)])
+    def test_a_viewpoint_replaces_the_normals_of_the_cloud(self, side, sign):
+        land = waves(resolution=20, jitter=0.3)
+        ms = self.cloud(land, -sign * land.normals)
+        result = compute_normal_by_bezier_patch_per_vertex(ms, viewpoint=(0, 0, 5), viewpointside=side)
+        assert result["flipped"] == 0
+        assert (sign * ms.current_mesh().vertex_normal_matrix()[:, 2] > 0).all()
+
+    def test_viewpoints_of_the_cloud_orient_it_where_it_has_no_normals(self, surface):
+        places = 0.5 * surface.normals + surface.vertices
+        for normals, sign in ((None, 1), (-surface.normals, -1)):
+            ms = self.cloud(surface, normals)
+            for axis, values in zip("xyz", places.T, strict=True):
+                ms.current_mesh().add_vertex_custom_scalar_attribute(values.copy(), f"bz_viewpoint_{axis}")
+            result = compute_normal_by_bezier_patch_per_vertex(ms)
+            assert result["flipped"] == (0 if normals is None else None)
+            found = ms.current_mesh().vertex_normal_matrix()
+            assert (sign * np.einsum("ij,ij->i", found, surface.normals) > 0).all()
+
+    def test_normals_that_contradict_their_viewpoints_are_counted(self, surface):
+        ms = self.cloud(surface)
+        is_wrong = np.isin(np.arange(len(surface.vertices)), surface.vertices.argmax(axis=0))
+        places = surface.vertices + np.where(is_wrong[:, np.newaxis], -0.01, 0.01) * surface.normals
+        for axis, values in zip("xyz", places.T, strict=True):
+            ms.current_mesh().add_vertex_custom_scalar_attribute(values.copy(), f"bz_viewpoint_{axis}")
+        result = compute_normal_by_bezier_patch_per_vertex(ms)
+        assert result["flipped"] == is_wrong.sum()
+        count = f"{is_wrong.sum():,} of {len(is_wrong):,} normals contradict their viewpoints"
+        assert any(remark.startswith(count) for remark in result["remarks"])
+
+    def test_a_number_of_neighbours(self, surface):
+        ms = self.cloud(surface)
+        result = compute_curvature_by_bezier_patch_per_vertex(ms, neighbours=25)
+        expected = estimate_vertex_geometry(surface.vertices, neighbours=25)
+        assert result["fit"]["neighbours"] == expected.fit.neighbours == 25
+        np.testing.assert_array_equal(ms.current_mesh().vertex_scalar_array(), expected.mean_curvature)
