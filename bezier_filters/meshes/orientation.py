@@ -11,7 +11,7 @@ from bezier_filters.runtime.jit import allocating_jit
 MIN_SHEET_NORMAL = 0.5  # length of the mean normal above which a cloud is a sheet and not a closed body
 # Evidence that separates the signs of parallel normals of two neighbours, in points seen along their normals. One point
 # has at most 1, so that no single plane decides; a part of some ten points is the smallest that has planes of its own.
-# With 5 or 20 no sign changes on the surfaces of `tests/fitting/test_viewpoints.py`.
+# With 5 or 20 no sign changes on the floor and the plates of `tests/fitting/test_viewpoints.py`.
 SEPARATING_EVIDENCE = 10.0
 
 
