@@ -82,7 +82,7 @@ def point_cloud(
     planes = _planes(points, groups)
     counted = None
     if count is not None:
-        counted = _counted_nearest(points, count - 1, sides)
+        counted = _list_nearest(points, count - 1, sides)
         planes = _planes(points, counted)
     neighbours, on_boundary = _neighbours(points, groups, reach, planes)
     planes = orient_normals(points, planes, neighbours, given, seen)[place_of]
@@ -148,7 +148,7 @@ def _nearest(points: FloatArray, normals: FloatArray | None) -> tuple[list[Candi
     return [group for group in groups if len(group[0])], reach
 
 
-def _counted_nearest(points: FloatArray, count: int, normals: FloatArray | None) -> list[Candidates]:
+def _list_nearest(points: FloatArray, count: int, normals: FloatArray | None) -> list[Candidates]:
     """The nearest `count` points of every point, or all; with normals, those whose normals are not opposite."""
     n = len(points)
     count = max(min(count, n - 1), 0)
@@ -196,7 +196,7 @@ def _sides(points: FloatArray, views: FloatArray) -> FloatArray:
     cosines = np.einsum("ij,ij->i", planes, views)
     sides = np.where((np.abs(cosines) >= MIN_VIEW_COSINE)[:, np.newaxis], planes * np.sign(cosines)[:, np.newaxis], 0.0)
     result = np.zeros_like(sides)
-    for rows, nearest in _counted_nearest(points, CANDIDATE_COUNT, None):
+    for rows, nearest in _list_nearest(points, CANDIDATE_COUNT, None):
         agreement = np.einsum("ij,ikj->ik", sides[rows], sides[nearest])
         is_sheet = (agreement > 0.0).sum(axis=1) + 1 >= MIN_SHEET_POINTS
         result[rows[is_sheet]] = sides[rows[is_sheet]]

@@ -65,7 +65,7 @@ def normalizes_size(*lengths: str) -> Callable[[Callable[Parameters, Result]], C
                 if name == "vertices":
                     bound.arguments[name] = real_array(given) * ldexp(1.0, -exponent)
                 elif name in lengths:
-                    bound.arguments[name] = _scaled(value, -exponent)
+                    bound.arguments[name] = _scale(value, -exponent)
                 elif dataclasses.is_dataclass(value):
                     bound.arguments[name] = rescale(value, -exponent)
             return cast("Result", rescale(function(*bound.args, **bound.kwargs), exponent))
@@ -75,12 +75,13 @@ def normalizes_size(*lengths: str) -> Callable[[Callable[Parameters, Result]], C
     return decorate
 
 
-def _scaled(value: Any, exponent: int) -> Any:
+def _scale(value: Any, exponent: int) -> Any:
     """A positive length, or real coordinates, times two to a power; others stay, and are refused by the function."""
     if is_real(value):
         return value * ldexp(1.0, exponent) if value > 0.0 else value
     try:
-        return value if value is None else real_array(value) * ldexp(1.0, exponent)
+        array = None if value is None else real_array(value)
+        return value if array is None or array.shape[-1:] != (3,) else array * ldexp(1.0, exponent)
     except (TypeError, ValueError):
         return value
 

@@ -30,7 +30,7 @@ def fit_verdict(what: str, geometry: VertexGeometry, mesh: CurrentMesh, mask: Bo
     return {"warnings": found, "remarks": []} if most == FitStatus.FOLDED else {"warnings": [], "remarks": found}
 
 
-def flipped_remarks(geometry: VertexGeometry) -> list[str]:
+def remark_flipped(geometry: VertexGeometry) -> list[str]:
     """A remark if normals of a cloud contradict their viewpoints."""
     if not geometry.flipped:
         return []

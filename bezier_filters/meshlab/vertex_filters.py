@@ -25,7 +25,7 @@ from bezier_filters.meshlab.meshset import (
     checks_filter_arguments,
 )
 from bezier_filters.meshlab.topology import topology_of
-from bezier_filters.meshlab.verdicts import fit_verdict, flipped_remarks, smoothing_warnings
+from bezier_filters.meshlab.verdicts import fit_verdict, remark_flipped, smoothing_warnings
 from bezier_filters.parameters import complete_docstring
 from bezier_filters.patches.smoothness import Smoothness
 from bezier_filters.runtime.parallel import Progress
@@ -268,7 +268,7 @@ def _run(ms: MeshSet, name: str, fit: FitArguments, output: Output, direction: D
             "mean_edge": mesh.mean_edge(),
             **directed.report,
             **verdict,
-            "remarks": verdict["remarks"] + directed.remarks + flipped_remarks(geometry),
+            "remarks": verdict["remarks"] + directed.remarks + remark_flipped(geometry),
         }
         return Computed(found, directed.known, report, set_normals if name == NORMALS else lambda: None)
 
