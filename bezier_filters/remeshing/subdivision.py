@@ -28,7 +28,8 @@ from bezier_filters.runtime.parallel import Progress, runs_on_threads
 MAX_ITERATIONS = 10  # each makes four faces of one
 MAX_ROUNDS = 40  # splits of edges for a tolerance; 20 make a millionth of an edge
 # Splits halve the largest error of a face in this many rounds where they help, and mostly make a 64th of it. Where
-# the surface has a step, as noise makes, they never end. Three rounds or six leave the same faces of noisy tori.
+# the surface has a step, as noise makes, they never end. Three, four or six rounds leave five faces of one
+# noisy torus.
 ROUNDS_TO_HALVE = 6
 MAX_FACES = 50_000_000  # of a result, which has 5 GB then
 # Faces that one becomes, over the ratio of its chord error to the tolerance: spheres, tori, tubes, ellipsoids and stars
