@@ -19,8 +19,8 @@ def view_directions(viewpoint: ArrayLike | None, side: ViewpointSide, mesh: Tria
     None without a viewpoint.
 
     >>> from bezier_filters.meshes.mesh import triangle_mesh
-    >>> view_directions((0, 0, 2), "away", triangle_mesh([[0, 0, 0], [0, 0, 5]], [])).tolist()
-    [[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]]
+    >>> view_directions((0, 0, 2), "toward", triangle_mesh([[0, 0, 0], [0, 0, 5]], [])).tolist()
+    [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]
     """
     if side not in ("toward", "away"):
         raise InvalidParameterError(f"viewpoint_side: got {side!r}, expected 'toward' or 'away'")
